@@ -10,20 +10,21 @@
 //! change with the size of the network's input, and whom to report is decided in each look alone.
 //!
 //! Writes one line a look and combination: the settings, the input (pixels across and down), where the picture is from,
-//! which of its people do not count, and of every candidate the features and the object keypoint similarity to each
-//! person. Pictures lie beside their annotation file.
+//! which of its people do not count (`crowd`: regions of several people, and people without a label of a joint), and of
+//! every candidate the features and the object keypoint similarity to each person. Pictures lie beside their annotation
+//! file, in which everybody is labelled: who is reported beside them is taught as nobody.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use clap::Parser;
 use edgecap::capture::{Frame, Letterbox, PhotoSource, Resizer, Source};
 use edgecap::commands::{Quality, photo_inputs};
 use edgecap::detect::{AssociationConfig, Associator, Detection, features};
 use edgecap::engine::{Engine, EngineOptions, Model};
-use edgecap::lab::eval::{JointSet, ReadOptions, TruthFrame, TruthSet, oks};
+use edgecap::lab::eval::{ImageOks, JointSet, ReadOptions, TruthFrame, TruthSet, oks};
 use serde_json::json;
 
 #[derive(Debug, Parser)]
@@ -156,7 +157,7 @@ impl Eyes {
                 "input": [width, height],
                 "set": set,
                 "source": truth.source,
-                "crowd": truth.people.iter().map(|t| t.crowd).collect::<Vec<_>>(),
+                "crowd": uncounted(truth),
                 "candidates": found,
             });
             writeln!(self.out, "{line}")?;
@@ -168,6 +169,21 @@ impl Eyes {
 /// A setting as it was given, without the digits that f32 adds.
 fn plain(setting: f32) -> f64 {
     (f64::from(setting) * 1e6).round() / 1e6
+}
+
+/// Which people are neither to be found nor forbidden: whoever is near one without labels is as similar as can be.
+fn uncounted(truth: &TruthFrame) -> Vec<bool> {
+    ImageOks::new(&truth.people, &[], JointSet::Evidence).ignored
+}
+
+/// Refuses a set in whose pictures people may be who are not labelled.
+fn expect_everybody(truth: &TruthSet, path: &Path) -> anyhow::Result<()> {
+    ensure!(
+        !truth.single && !truth.frames.iter().any(|f| f.partial),
+        "{}: expected pictures in which everybody is labelled, found some of the people; leave it out",
+        path.display()
+    );
+    Ok(())
 }
 
 fn candidate(d: &Detection, truth: &TruthFrame, letterbox: &Letterbox) -> serde_json::Value {
@@ -201,6 +217,7 @@ fn main() -> anyhow::Result<()> {
     };
     for path in &args.truth {
         let truth = TruthSet::read(path, &read)?;
+        expect_everybody(&truth, path)?;
         let folder = path
             .parent()
             .context("an annotation file lies in a folder")?;
@@ -227,6 +244,7 @@ fn main() -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use edgecap::lab::eval::Format;
 
     #[test]
     fn settings_that_are_not_tried_are_the_models_own() {
@@ -254,6 +272,31 @@ mod tests {
             ..own.clone()
         });
         assert_eq!(tried.collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn people_without_labels_do_not_count() {
+        let person = |visibility: u8, crowd: u8| {
+            json!({
+                "image_id": 1, "category_id": 1, "keypoints": [9, 9, visibility, 5, 5, visibility],
+                "bbox": [0, 0, 9, 9], "area": 50.0, "iscrowd": crowd,
+            })
+        };
+        let text = json!({
+            "images": [{"id": 1, "file_name": "a.jpg", "width": 64, "height": 32}],
+            "categories": [{"id": 1, "keypoints": ["left_hip", "right_hip"]}],
+            "annotations": [person(2, 0), person(0, 0), person(0, 1)],
+        });
+        let mut truth = TruthSet::parse(&text.to_string(), "t", Format::Coco, None).unwrap();
+        assert_eq!(uncounted(&truth.frames[0]), [false, true, true]);
+        let path = Path::new("t.json");
+        expect_everybody(&truth, path).unwrap();
+        truth.frames[0].partial = true;
+        let said = expect_everybody(&truth, path).unwrap_err().to_string();
+        assert!(said.starts_with("t.json: expected pictures"), "{said}");
+        truth.frames[0].partial = false;
+        truth.single = true;
+        expect_everybody(&truth, path).unwrap_err();
     }
 
     #[test]

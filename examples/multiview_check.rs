@@ -13,6 +13,7 @@
 //! With `--truth` another detector's 2D of all views (`tests/reference/blazepose.py`) takes the place of the others'
 //! own.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -90,21 +91,38 @@ fn main() -> anyhow::Result<()> {
         .collect::<anyhow::Result<Vec<_>>>()?
         .into_iter()
         .unzip();
-    let lengths = streams.iter().map(Vec::len);
-    let lengths = lengths.chain(truth.iter().map(|(_, t)| t.len()));
-    let frames = lengths.min().unwrap_or(0);
+    let seen = streams.iter().map(|s| numbers(s));
+    let all: Vec<_> = seen.chain(truth.iter().map(|(_, t)| numbers(t))).collect();
     let mut check = MultiviewCheck::new(views, args.agree);
-    for k in 0..frames {
-        let moment: Vec<_> = streams.iter().map(|s| s[k]).collect();
+    for places in common(&all) {
+        let (own, theirs) = places.split_at(streams.len());
+        let moment: Vec<_> = streams.iter().zip(own).map(|(s, k)| s[*k]).collect();
         if truth.is_empty() {
             check.add(&moment);
         } else {
-            let truth: Vec<_> = truth.iter().map(|(_, t)| t[k].0).collect();
-            check.add_against(&truth, &moment);
+            let truth = truth.iter().zip(theirs).map(|((_, t), k)| t[*k].0);
+            check.add_against(&truth.collect::<Vec<_>>(), &moment);
         }
     }
     print!("{}", check.finish());
     Ok(())
+}
+
+/// The numbers of a view's frames, in order.
+fn numbers<T>(stream: &[(ObservationFrame, T)]) -> Vec<u64> {
+    stream.iter().map(|(seen, _)| seen.sequence).collect()
+}
+
+/// Of every frame that all views have the place in each: a view may lack frames, so that lines say nothing. Views have
+/// frame numbers, in order of the file.
+fn common(views: &[Vec<u64>]) -> Vec<Vec<usize>> {
+    let places: Vec<HashMap<u64, usize>> = views
+        .iter()
+        .map(|numbers| numbers.iter().copied().zip(0..).collect())
+        .collect();
+    let first = views.first().into_iter().flatten();
+    let everywhere = |number: &u64| places.iter().map(|p| p.get(number).copied()).collect();
+    first.filter_map(everywhere).collect()
 }
 
 /// The view as its pictures show it.
@@ -183,4 +201,16 @@ fn observed<T>(
         frames.push((seen, made));
     }
     Ok((view, frames))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_of_one_number_go_together() {
+        let views = [vec![0, 1, 2, 4], vec![1, 2, 3, 4], vec![0, 2, 4, 5]];
+        assert_eq!(common(&views), [[2, 1, 1], [3, 3, 2]]);
+        assert!(common(&[]).is_empty());
+    }
 }

@@ -88,6 +88,10 @@ def millimetres(x: float | None) -> str:
     return "–" if x is None else f"{x:.1f}"
 
 
+def similarity(x: float | None) -> str:
+    return "–" if x is None else f"{x:.2f}"
+
+
 def row(name: str, report: dict) -> str:
     """`report` as `eval --json` writes it."""
     if quiet := report.get("quiet"):
@@ -95,7 +99,7 @@ def row(name: str, report: dict) -> str:
     finding = report["finding"]
     found = f"{percent(finding[1]['recall'])} ({percent(finding[0]['recall'])}) % of {finding[1]['people']}, {percent(finding[1]['precision'])} % right" if finding else "–"
     coco = report.get("coco")
-    oks = f"{percent(coco['ap'])} / {percent(coco['ar'])}, {finding[1]['mean_oks']:.2f}" if coco else "–"
+    oks = f"{percent(coco['ap'])} / {percent(coco['ar'])}, {similarity(finding[1]['mean_oks'])}" if coco else "–"
     pose = report.get("pose3d")
     depth = f"{pose['mpjpe_mm']:.1f} / {millimetres(pose['canonical_mpjpe_mm'])} / {pose['n_mpjpe_mm']:.1f} / {pose['pa_mpjpe_mm']:.1f} mm of {pose['people']}" if pose else "–"
     identity = report.get("identity")

@@ -103,7 +103,10 @@ def lsp(net: SelecSLSNet, pack: pathlib.Path, dev: torch.device, limit: int, sca
 
 @torch.no_grad()
 def several(net: SelecSLSNet, data: pathlib.Path, dev: torch.device, group: Group, overlay: pathlib.Path | None = None) -> dict:
-    """People of eight and more labelled shared joints, at least 40 px tall in the frame."""
+    """People of eight and more labelled shared joints, at least 40 px tall in the frame.
+
+    Reports on crowds and on people without labels do not count.
+    """
     wanted = found = reports = false = tp50 = 0
     scores: list[float] = []
     by_height: dict[str, list[float]] = {}
@@ -114,16 +117,11 @@ def several(net: SelecSLSNet, data: pathlib.Path, dev: torch.device, group: Grou
         if overlay is not None:
             draw(x[0].to(torch.uint8), pred, overlay / f"photo_{n:02}.jpg")
         pred = to_original(pred, s, du, dv)
-        table = np.array([[photos.oks(q, p) for p in ph.people] for q in pred]).reshape(len(pred), len(ph.people))
-        best = np.zeros(len(ph.people))
-        while table.size and table.max() >= 0.1:
-            a, k = np.unravel_index(table.argmax(), table.shape)
-            best[k] = table[a, k]
-            table[a], table[:, k] = 0, 0
+        best, nobody = photos.match(pred, ph)
         if ph.complete:
-            reports += len(pred)
+            reports += int((best > 0).sum()) + nobody
             tp50 += int((best >= 0.5).sum())
-            false += len(pred) - int((best >= 0.1).sum())
+            false += nobody
         for p, b in zip(ph.people, best):
             if (p.joints[:, 2] > 0).sum() < 8 or p.box[3] * s < 40:
                 continue

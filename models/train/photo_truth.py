@@ -1,7 +1,8 @@
 """Photos of `everyday.py`, as files with truth: python photo_truth.py EVERYDAY FOLDER [--n 900] [--seed 5].
 
-Written as `truth.json` of `edgecap synth`, for `examples/association_candidates`: whoever is labelled counts, people of whom nothing is sure
-neither count nor are wrong, and whatever else is found is nobody. There is no 3D truth (zeros).
+Written as `truth.json` of `edgecap synth`, for `examples/association_candidates`: whoever is labelled counts, people of
+whom nothing is sure neither count nor are wrong, and whatever else is found is nobody. There is no 3D truth (zeros),
+and photos are of any size (0).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def main(argv: list[str]) -> None:
         joints, known = e.joints[own].numpy(), codes(e.state[own].numpy())
         people = [person(p + 1, joints[p], known[p]) for p in range(len(joints))]
         frames.append(dict(frame=k, time_ns=0, file=name, camera=dict(fx=512, fy=512, cx=255.5, cy=159.5), people=people))
-    truth = dict(format="edgecap-truth", version=1, seed=a.seed, width=512, height=320, fps=0, frames=frames)
+    truth = dict(format="edgecap-truth", version=1, seed=a.seed, width=0, height=0, fps=0, frames=frames)
     (a.folder / "truth.json").write_text(json.dumps(truth))
     print(f"{len(frames)} photos, {sum(len(f['people']) for f in frames)} people")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import pathlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from PIL import Image
@@ -32,7 +32,9 @@ class Photo:
     name: str
     image: np.ndarray
     people: list[Person]
-    complete: bool  # everybody is labelled: what is found elsewhere is false
+    complete: bool  # everybody is labelled: what is found elsewhere is false, but where somebody is `ignored`
+    # x, y, width, height of crowds and of people without labels.
+    ignored: list[np.ndarray] = field(default_factory=list)
 
 
 def _coco(folder: pathlib.Path) -> list[Photo]:
@@ -41,15 +43,18 @@ def _coco(folder: pathlib.Path) -> list[Photo]:
     order = [names.index(f"{side}_{part}") for side, part in (n.split("_") for n in NAMES)]
     out = []
     for im in d["images"]:
-        people = []
+        people, ignored = [], []
         for a in d["annotations"]:
-            if a["image_id"] != im["id"] or a.get("iscrowd"):
+            if a["image_id"] != im["id"]:
                 continue
-            k = np.array(a["keypoints"], np.float32).reshape(-1, 3)[order]
+            k = np.array(a.get("keypoints") or [0] * 3 * len(names), np.float32).reshape(-1, 3)[order]
             box = np.array(a["bbox"], np.float32)
-            people.append(Person(k, float(a.get("area") or 0.53 * box[2] * box[3]), box))
+            if a.get("iscrowd") or not (k[:, 2] > 0).any():
+                ignored.append(box)
+            else:
+                people.append(Person(k, float(a.get("area") or 0.53 * box[2] * box[3]), box))
         image = np.asarray(Image.open(folder / im["file_name"]).convert("RGB"))
-        out.append(Photo(im["file_name"], image, people, True))
+        out.append(Photo(im["file_name"], image, people, True, ignored))
     return out
 
 
@@ -78,3 +83,26 @@ def oks(found: np.ndarray, person: Person) -> float:
     d2 = ((q[:, :2] - k[:, :2]) ** 2).sum(1)
     e = np.exp(-d2 / (2 * person.area * (2 * SIGMA) ** 2 + 1e-9)) * (q[:, 2] > 0)
     return float(e[on].mean()) if on.any() else 0.0
+
+
+def excused(found: np.ndarray, photo: Photo) -> bool:
+    """Whether the middle of the joints found, of [14, 3], lies in the box of somebody who may be found or not."""
+    seen = found[found[:, 2] > 0, :2]
+    if not len(seen):
+        return False
+    u, v = seen.mean(0)
+    return any(x <= u <= x + w and y <= v <= y + h for x, y, w, h in photo.ignored)
+
+
+def match(pred: list[np.ndarray], photo: Photo, least: float = 0.1) -> tuple[np.ndarray, int]:
+    """Similarity of every person's own report, 0 where it is below `least`, and how many reports are nobody's.
+
+    The nearest pairs go first.
+    """
+    table = np.array([[oks(q, p) for p in photo.people] for q in pred]).reshape(len(pred), len(photo.people))
+    best, own = np.zeros(len(photo.people)), np.zeros(len(pred), bool)
+    while table.size and table.max() >= least:
+        a, k = np.unravel_index(table.argmax(), table.shape)
+        best[k], own[a] = table[a, k], True
+        table[a], table[:, k] = 0, 0
+    return best, sum(not excused(q, photo) for q, is_own in zip(pred, own) if not is_own)

@@ -145,17 +145,27 @@ class Stored(Pool):
     """
 
     def __init__(self, folder: pathlib.Path, seed: int, device: torch.device = CPU):
-        """On another device than the CPU the scenes that are there are copied to it. A folder without any ends the
-        program."""
+        """On another device than the CPU the scenes that are there are copied to it, and those that follow as `refresh`
+        finds them. A folder without any ends the program."""
         self.folder = folder
         count = self._count()
-        data = {k: torch.from_numpy(np.load(folder / f"{k}.npy", mmap_mode="c")).to(device) for k in FIELDS}
-        super().__init__(data, count, seed)
+        self.files = {k: torch.from_numpy(np.load(folder / f"{k}.npy", mmap_mode="c")) for k in FIELDS}
+        data = self.files if device == CPU else {k: torch.empty_like(v, device=device) for k, v in self.files.items()}
+        super().__init__(data, 0, seed)
+        self._extend(count)
 
     def _count(self) -> int:
         if not (self.folder / "filled").exists():
             raise SystemExit(f"expected scenes in {self.folder}, found none that are written: run what makes them again (prerender.py, truth.py, carry.py)")
         return int((self.folder / "filled").read_text())
 
+    def _extend(self, count: int) -> None:
+        """Takes the scenes up to so many."""
+        if self.data is not self.files:
+            new = slice(self.filled, count)
+            for k, v in self.data.items() if count > self.filled else ():
+                v[new].copy_(self.files[k][new])
+        self.filled = count
+
     def refresh(self, n: int) -> None:
-        self.filled = self._count()
+        self._extend(self._count())

@@ -181,9 +181,9 @@ fn bad_input_is_one_line_and_a_code() {
     }
 }
 
-/// The bundled clip's truth names no film: its frames have numbers alone, as photos have.
+/// The bundled clip's frames have numbers, as photos have.
 #[test]
-fn a_film_is_not_measured_by_photos_nor_photos_by_a_film() {
+fn a_film_is_not_measured_by_photos_nor_photos_by_a_film_nor_a_film_by_another() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     write_predictions(&at("photos.jsonl"));
@@ -194,11 +194,48 @@ fn a_film_is_not_measured_by_photos_nor_photos_by_a_film() {
     fs::write(at("film.jsonl"), film.to_string()).unwrap();
     let photos = serde_json::json!([{"file": "a.jpg", "split": "test", "joints": joints()}]);
     fs::write(at("photos.json"), photos.to_string()).unwrap();
+    let other = film.to_string().replace("demo.avi", "hall.mp4");
+    fs::write(at("other.jsonl"), other).unwrap();
+    let scaled = film.to_string().replace("320", "288");
+    fs::write(at("scaled.jsonl"), scaled).unwrap();
+    let clip = clip.to_str().unwrap();
     for (predictions, truth, word) in [
-        ("photos.jsonl", clip.to_str().unwrap(), "photos/a.jpg"),
+        ("photos.jsonl", clip, "photos/a.jpg"),
         ("film.jsonl", "photos.json", "infer"),
+        ("other.jsonl", clip, "expected predictions of demo.avi"),
+        ("scaled.jsonl", clip, "found 512x288"),
     ] {
         let args = ["--predictions", predictions, "--truth", truth];
+        let failed = eval(folder.path(), &args).code(65);
+        let error = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
+        assert!(
+            error.lines().count() == 1 && error.contains(word),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn truth_that_does_not_do_is_told_in_the_options_words() {
+    let folder = tempfile::tempdir().unwrap();
+    write_predictions(&folder.path().join("p.jsonl"));
+    let coco = serde_json::json!({"images": [], "annotations": [], "categories": []});
+    fs::write(folder.path().join("coco.json"), coco.to_string()).unwrap();
+    fs::write(folder.path().join("list.json"), "[]").unwrap();
+    let film = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/demo/truth.json");
+    let film = film.to_str().unwrap();
+    for (truth, word) in [
+        (&[film, film][..], "films are measured one at a time"),
+        (
+            &["coco.json", "--split", "test"],
+            "--format coco, which has none",
+        ),
+        (
+            &["list.json", "--format", "coco"],
+            "ground truth of --format coco",
+        ),
+    ] {
+        let args = [&["--predictions", "p.jsonl", "--truth"], truth].concat();
         let failed = eval(folder.path(), &args).code(65);
         let error = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
         assert!(
@@ -244,7 +281,9 @@ fn a_result_without_a_place_is_told_before_the_work() {
         "--json",
         "/dev/full",
     ];
-    let failed = eval(folder.path(), &full).code(73);
+    let failed = eval(folder.path(), &full).code(74);
+    let said = String::from_utf8_lossy(&failed.get_output().stderr).into_owned();
+    assert!(said.contains("the disk is full: make room"), "{said}");
     let table = String::from_utf8_lossy(&failed.get_output().stdout).into_owned();
     assert!(table.contains("50.0 %"), "{table}");
 }

@@ -1,7 +1,7 @@
 //! HumanEva's archives: what is written is read, cameras are found, and fitted bodies are where people were.
 
 use std::fs::File;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -245,6 +245,57 @@ fn a_camera_that_is_not_there_is_refused() {
         said.contains("'camera'") && said.contains("found 3"),
         "{said}"
     );
+}
+
+/// Writes an archive anew in which number `at` of an array of f32 is `value`.
+fn damage(path: &Path, array: &str, at: usize, value: f32) {
+    let mut read = zip::ZipArchive::new(File::open(path).unwrap()).unwrap();
+    let names = read.file_names().map(|name| name.unwrap().into_owned());
+    let names: Vec<String> = names.collect();
+    let mut arrays: Vec<(String, Vec<u8>)> = Vec::new();
+    for name in names {
+        let mut bytes = Vec::new();
+        read.by_name(&name)
+            .unwrap()
+            .read_to_end(&mut bytes)
+            .unwrap();
+        let name = name.strip_suffix(".npy").unwrap().to_owned();
+        if name == array {
+            let header = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+            let number = header + 4 * at..header + 4 * at + 4;
+            bytes[number].copy_from_slice(&value.to_le_bytes());
+        }
+        arrays.push((name, bytes));
+    }
+    let arrays: Vec<(&str, Vec<u8>)> = arrays.iter().map(|(n, b)| (&n[..], b.clone())).collect();
+    archive(path, &arrays);
+}
+
+#[test]
+fn numbers_that_are_none_are_refused_in_truth_and_left_out_of_detections() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    for array in ["joints3d_m_world", "gt2d_px"] {
+        for value in [f32::NAN, f32::INFINITY] {
+            write(folder.path());
+            damage(&path("humaneva1_gt.npz"), array, 7, value);
+            let said = HumanEva::read(folder.path()).unwrap_err().to_string();
+            let expected = format!("expected '{array}' to be finite numbers, found {value}");
+            assert!(said.contains(&expected), "{said}");
+        }
+    }
+    write(folder.path());
+    // The second detection, that of the first frame by the second camera.
+    let at = 2 * COCO_JOINTS + 3;
+    damage(
+        &path("humaneva1_alphapose_aligned.npz"),
+        "alphapose2d_px",
+        at,
+        f32::NAN,
+    );
+    let data = HumanEva::read(folder.path()).unwrap();
+    let told = |f: usize| data.pieces[0].detected[f].map(|d| d.is_some());
+    assert_eq!([told(0), told(1)], [[true, false, true], [true; 3]]);
 }
 
 #[test]

@@ -12,6 +12,8 @@ use edgecap::lab::synth::Truth;
 use edgecap::lab::synth::studio::Studio;
 use edgecap::lab::synth::truth::{ABSENT, VISIBLE};
 use edgecap::lab::synth::world::{WorldFrame, WorldTruth};
+use edgecap::message::FLAG_FILE_TIME;
+use edgecap::record::ObservationsRow;
 use glam::{DVec2, DVec3};
 
 fn arguments(out: &Path) -> SynthArgs {
@@ -70,6 +72,8 @@ fn views_show_the_world_through_their_calibration() {
         assert_eq!(truth.clip.as_ref(), Some(&film));
         let seen = std::fs::read_to_string(out.join(format!("{}.jsonl", view.name))).unwrap();
         assert!(seen.lines().all(|line| line.contains(&film)), "{seen}");
+        let first: ObservationsRow = serde_json::from_str(seen.lines().next().unwrap()).unwrap();
+        assert_eq!((first.flags, first.frame_total), (FLAG_FILE_TIME, 6));
         // The floor is at z = 0.
         let eye = f64::from(truth.frames[0].camera.floor[3]);
         assert!((view.position.z - eye).abs() < 1e-4 && eye > 1.2);

@@ -68,6 +68,10 @@ class Card(unittest.TestCase):
         self.assertEqual(card.row("LSP-test", dict(finding=[], pck=0.824)), "| LSP-test | – | – | 82.4 % | – |  |")
         self.assertEqual(card.row("nobody", dict(finding=[], quiet=dict(quiet=98, pictures=100))), "| nobody | quiet 98 of 100 | | | | |")
 
+    def test_nobody_found_is_no_error(self) -> None:
+        finding = [dict(recall=0.0, people=20, precision=None, mean_oks=None)] * 2
+        nobody = card.row("stills", dict(finding=finding, coco=dict(ap=0.0, ar=0.0), pck=0.0))
+        self.assertEqual(nobody, "| stills | 0.0 (0.0) % of 20, – % right | 0.0 / 0.0, – | 0.0 % | – |  |")
 
     def test_what_was_measured_is_kept_where_the_next_set_fails(self) -> None:
         two = [card.Pictures(name, name, []) for name in ("one", "two")]

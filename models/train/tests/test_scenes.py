@@ -98,6 +98,30 @@ class RenderedScenes(unittest.TestCase):
             with self.assertRaisesRegex(SystemExit, "expected scenes in .*scenes, found none"):
                 Stored(out, 1)
 
+    def test_scenes_that_are_rendered_later_are_copied_to_the_device(self) -> None:
+        """With another name for the CPU, it stands for a GPU."""
+        with tempfile.TemporaryDirectory() as name:
+            out = pathlib.Path(name)
+            files = {k: np.lib.format.open_memmap(out / f"{k}.npy", "w+", np.float32, (3, 1, 4, 4)) for k in FIELDS}
+
+            def render(row: int) -> None:
+                for file in files.values():
+                    file[row] = row + 1
+                    file.flush()
+                (out / "filled").write_text(str(row + 1))
+
+            render(0)
+            for elsewhere in (torch.device("cpu"), torch.device("meta")):
+                with mock.patch("pool.CPU", elsewhere):
+                    pool = Stored(out, 1, torch.device("cpu"))
+                self.assertEqual(pool.data is pool.files, elsewhere.type == "cpu")
+                known = pool.filled
+                render(known)
+                pool.refresh(1)
+                self.assertEqual(pool.filled, known + 1)
+                for field in pool.data.values():
+                    self.assertEqual(field[: known + 1, 0, 0, 0].tolist(), list(range(1, known + 2)))
+
     def test_scenes_are_counted_anew_where_others_are_rendered(self) -> None:
         """What is rendered lacks the last field, so the first ones are replaced and nothing is counted."""
         halves = mock.Mock(render=lambda n: mock.Mock(spec=FIELDS[:1], **{FIELDS[0]: torch.zeros(n, 1)}))

@@ -11,10 +11,11 @@ use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 
-use self::strip::{Part, render};
+use self::strip::{Part, Stopped, render};
 use super::apart::Apart;
 use super::exit::Failure;
 use super::progress;
+use super::stop::Stop;
 use crate::bounded::DATA;
 use crate::capture::{AviWriter, Frame};
 use crate::lab::synth::frames::FrameWriter;
@@ -90,11 +91,16 @@ pub struct SynthArgs {
     pub format: PictureFormat,
 }
 
-/// Runs the verb.
+/// Runs the verb. What there is of it when the user stops it is kept, but for several views.
 ///
 /// # Errors
-/// The output folder holds files already, or something cannot be written.
+/// The output folder holds files already, something cannot be written, or the user stops it.
 pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
+    let stop = Stop::on_signals()?;
+    write(&args, &|| stop.requested())
+}
+
+fn write(args: &SynthArgs, is_stopped: &Stopped<'_>) -> anyhow::Result<()> {
     if args.truth_only && !args.stills && args.views.is_none() {
         return Err(Failure::usage(
             "expected --stills or --views beside --truth-only, found neither; a clip's truth comes with the clip",
@@ -111,15 +117,16 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
         expect_empty(out)?;
     }
     if let (Some(views), Some(out)) = (args.views, &args.out) {
-        return views::write(&args, views as usize, out);
+        return views::write(args, views as usize, out, is_stopped);
     }
     let size = (args.width, args.height);
     let people = args.people as usize;
     if args.truth_only {
-        return outlines(&args, args.out.as_deref().unwrap_or(Path::new(".")));
+        let out = args.out.as_deref().unwrap_or(Path::new("."));
+        return outlines(args, out, is_stopped);
     }
     let bar = progress::bar(args.frames, "frames");
-    let stills = stills(&args);
+    let stills = stills(args);
     let reel =
         (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
     let shot = |k: u64| {
@@ -130,12 +137,15 @@ pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
         bar.inc(1);
         shot
     };
-    match &args.clip {
-        Some(file) => film(&args, file, shot)?,
-        None => album(&args, args.out.as_deref().unwrap_or(Path::new(".")), shot)?,
-    }
+    let done = match &args.clip {
+        Some(file) => film(args, file, shot, is_stopped),
+        None => {
+            let out = args.out.as_deref().unwrap_or(Path::new("."));
+            album(args, out, shot, is_stopped)
+        }
+    };
     bar.finish_and_clear();
-    Ok(())
+    done
 }
 
 /// A share of a whole, from the command line.
@@ -195,7 +205,12 @@ fn expect_empty(out: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes numbered pictures and the truth into a folder that appears only when it is complete.
-fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
+fn album(
+    args: &SynthArgs,
+    out: &Path,
+    shot: impl Fn(u64) -> Shot + Sync,
+    is_stopped: &Stopped<'_>,
+) -> anyhow::Result<()> {
     let name = |k: u64| match args.format {
         PictureFormat::Jpg => format!("{k:06}.jpg"),
         PictureFormat::Png => format!("{k:06}.png"),
@@ -211,22 +226,24 @@ fn album(args: &SynthArgs, out: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         shot.truth.file = Some(name(k));
         Ok(shot.truth)
     };
-    known(args, out, one, Some(&name))
+    known(args, out, one, Some(&name), is_stopped)
 }
 
 /// Writes the truth about stills that nobody renders.
-fn outlines(args: &SynthArgs, out: &Path) -> anyhow::Result<()> {
+fn outlines(args: &SynthArgs, out: &Path, is_stopped: &Stopped<'_>) -> anyhow::Result<()> {
     let stills = stills(args);
-    known(args, out, |k, _| Ok(outline_still(&stills, k)), None)
+    let one = |k: u64, _: &Path| Ok(outline_still(&stills, k));
+    known(args, out, one, None, is_stopped)
 }
 
 /// Makes frames with `one`, which may put a picture of the name `picture(k)` into the folder, and writes the truth
-/// about them; pictures beyond what the truth has room for are removed.
+/// about them; pictures of which it does not tell are removed.
 fn known(
     args: &SynthArgs,
     out: &Path,
     one: impl Fn(u64, &Path) -> anyhow::Result<TruthFrame> + Sync,
     picture: Option<&dyn Fn(u64) -> String>,
+    is_stopped: &Stopped<'_>,
 ) -> anyhow::Result<()> {
     let album = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
     let folder = album.beside();
@@ -237,15 +254,31 @@ fn known(
     let mut text = truth(args, None, text).map_err(no_truth)?;
     let no_film = None::<&mut AviWriter<File>>;
     let each = |k: u64| Ok((Vec::new(), one(k, folder)?));
-    let room = render(args.frames, no_film, &mut text, each, |_| Ok(()), failed)?;
+    let taken = |_: &TruthFrame| Ok(());
+    let room = render(
+        args.frames,
+        no_film,
+        &mut text,
+        each,
+        taken,
+        is_stopped,
+        failed,
+    )?;
     text.finish().map_err(no_truth)?;
     for name in picture.iter().flat_map(|name| room.beyond().map(name)) {
-        let path = folder.join(name);
-        std::fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
+        remove(&folder.join(name))?;
     }
     album.finish().map_err(|e| Failure::output(out, &e))?;
     let truth = out.join("truth.json");
     room.ended(out, &truth)
+}
+
+/// Removes a picture, if it was made.
+fn remove(picture: &Path) -> anyhow::Result<()> {
+    match std::fs::remove_file(picture) {
+        Err(e) if e.kind() != io::ErrorKind::NotFound => Err(Failure::output(picture, &e).into()),
+        _ => Ok(()),
+    }
 }
 
 fn name(clip: &Path) -> String {
@@ -280,7 +313,12 @@ fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
 }
 
 /// Writes a clip and its truth, both as far as one file has room.
-fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> anyhow::Result<()> {
+fn film(
+    args: &SynthArgs,
+    file: &Path,
+    shot: impl Fn(u64) -> Shot + Sync,
+    is_stopped: &Stopped<'_>,
+) -> anyhow::Result<()> {
     let truth_path = match &args.out {
         Some(folder) => folder.join("truth.json"),
         None => file.with_extension("truth.json"),
@@ -306,7 +344,16 @@ fn film(args: &SynthArgs, file: &Path, shot: impl Fn(u64) -> Shot + Sync) -> any
         Part::Truth => no_truth(e),
     };
     let film = Some(&mut avi);
-    let room = render(args.frames, film, &mut about, one, |_| Ok(()), failed)?;
+    let taken = |_: &TruthFrame| Ok(());
+    let room = render(
+        args.frames,
+        film,
+        &mut about,
+        one,
+        taken,
+        is_stopped,
+        failed,
+    )?;
     avi.finish().map_err(no_clip)?;
     about.finish().map_err(no_truth)?;
     clip.finish().map_err(no_clip)?;
@@ -334,4 +381,63 @@ fn png(frame: &Frame) -> anyhow::Result<Vec<u8>> {
         image::ExtendedColorType::Rgb8,
     )?;
     Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicU64, Ordering};
+
+    use super::*;
+    use crate::commands::exit;
+
+    #[test]
+    fn pictures_and_truth_are_kept_when_it_is_stopped_and_views_are_not() {
+        // Batches are as long as on two cores.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
+        let pool = pool.build().unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let stopped = |out: &str, how: fn(SynthArgs) -> SynthArgs| {
+            let out = folder.path().join(out);
+            let args = how(SynthArgs {
+                out: Some(out.clone()),
+                clip: None,
+                frames: 200,
+                people: 1,
+                seed: 9,
+                width: 32,
+                height: 32,
+                fps: 10,
+                stills: true,
+                overhead: 0.0,
+                views: None,
+                masks: false,
+                observed: false,
+                truth_only: false,
+                quality: None,
+                format: PictureFormat::Jpg,
+            });
+            // After the first batch of 32.
+            let asked = AtomicU64::new(0);
+            let is_stopped = || asked.fetch_add(1, Ordering::Relaxed) >= 32;
+            let said = pool.install(|| write(&args, &is_stopped)).unwrap_err();
+            assert_eq!(exit::code(&said), exit::INTERRUPTED);
+            (out, exit::told(&said))
+        };
+        let count = |out: &Path| std::fs::read_dir(out).unwrap().count();
+        let (out, said) = stopped("stills", |args| args);
+        assert!(said.contains("stopped after 32 frames"), "{said}");
+        assert_eq!(count(&out), 33);
+        let known = Truth::load(&out.join("truth.json")).unwrap().frames;
+        let files = known.iter().filter_map(|f| f.file.as_ref());
+        assert_eq!(files.filter(|name| out.join(name).exists()).count(), 32);
+        let (out, said) = stopped("views", |args| SynthArgs {
+            stills: false,
+            views: Some(2),
+            truth_only: true,
+            ..args
+        });
+        assert!(said.contains("nothing was written"), "{said}");
+        assert!(!out.exists());
+        assert_eq!(count(folder.path()), 1, "nothing unfinished is left");
+    }
 }

@@ -1,4 +1,5 @@
-//! Frames in order, made batch by batch on every core, up to where their film or their truth is full.
+//! Frames in order, made batch by batch on every core, up to where their film or their truth is full or the user stops
+//! it.
 
 use std::io::{self, Seek, Write};
 use std::ops::Range;
@@ -12,6 +13,7 @@ use crate::capture::AviWriter;
 use crate::commands::exit::Failure;
 use crate::counted::counted;
 use crate::lab::synth::frames::FrameWriter;
+use crate::output::is_full;
 
 /// Fewest frames made before they are written: bounds memory, keeps every core busy.
 const BATCH: u64 = 32;
@@ -28,17 +30,18 @@ pub(super) enum Part {
 }
 
 /// Makes frames 0 to `wanted`, each a JPEG and what is true about it, and appends them to the film, where there is one,
-/// and to the truth, as long as both have room; `taken` hears of each that has. `failed` gives another failure its
-/// words.
+/// and to the truth, as long as both have room and the user has not stopped it; `taken` hears of each that is there.
+/// `failed` gives another failure its words.
 ///
 /// # Errors
-/// When a frame cannot be made or written.
+/// When a frame cannot be made or written, or it was stopped before the first.
 pub(super) fn render<W: Write + Seek, F: Serialize + Send>(
     wanted: u64,
     mut film: Option<&mut AviWriter<W>>,
     truth: &mut FrameWriter<impl Write>,
     one: impl Fn(u64) -> Result<(Vec<u8>, F)> + Sync,
     mut taken: impl FnMut(&F) -> Result<()>,
+    is_stopped: &Stopped<'_>,
     failed: impl Fn(Part, io::Error) -> Failure,
 ) -> Result<Room> {
     let batch = BATCH.max(BATCH_OF_A_CORE * rayon::current_num_threads() as u64);
@@ -47,6 +50,7 @@ pub(super) fn render<W: Write + Seek, F: Serialize + Send>(
         rendered: 0,
         wanted,
         full: None,
+        is_stopped: false,
     };
     let mut append = |picture: &[u8], known: &F| {
         let line = truth.line(known).map_err(|e| (Part::Truth, e))?;
@@ -55,14 +59,23 @@ pub(super) fn render<W: Write + Seek, F: Serialize + Send>(
         }
         truth.add(&line).map_err(|e| (Part::Truth, e))
     };
-    while room.full.is_none() && room.rendered < wanted {
+    let unless_stopped = |k: u64| match is_stopped() {
+        true => Ok(None),
+        false => one(k).map(Some),
+    };
+    while room.full.is_none() && !room.is_stopped && room.rendered < wanted {
         let batch = room.rendered..wanted.min(room.rendered + batch);
         room.rendered = batch.end;
-        let batch: Vec<_> = batch.into_par_iter().map(&one).collect::<Result<_>>()?;
-        for (picture, known) in batch {
+        let batch = batch.into_par_iter().map(unless_stopped);
+        let batch: Vec<_> = batch.collect::<Result<_>>()?;
+        for made in batch {
+            let Some((picture, known)) = made else {
+                room.is_stopped = true;
+                break;
+            };
             match append(&picture, &known) {
                 Ok(()) => taken(&known)?,
-                Err((part, e)) if e.kind() == io::ErrorKind::FileTooLarge => {
+                Err((part, e)) if is_full(&e) => {
                     room.full = Some((part, e));
                     break;
                 }
@@ -71,8 +84,14 @@ pub(super) fn render<W: Write + Seek, F: Serialize + Send>(
             room.taken += 1;
         }
     }
+    if room.is_stopped && room.taken == 0 {
+        return Err(Failure::stopped(0).into());
+    }
     Ok(room)
 }
+
+/// Whether the user wants no more frames.
+pub(super) type Stopped<'a> = dyn Fn() -> bool + Sync + 'a;
 
 /// How many frames a film and its truth took, and why no more.
 #[derive(Debug)]
@@ -81,6 +100,7 @@ pub(super) struct Room {
     rendered: u64,
     wanted: u64,
     full: Option<(Part, io::Error)>,
+    is_stopped: bool,
 }
 
 impl Room {
@@ -89,16 +109,24 @@ impl Room {
         self.taken
     }
 
-    /// Frames that were rendered and found no room.
+    /// Whether the user stopped it.
+    pub(super) fn is_stopped(&self) -> bool {
+        self.is_stopped
+    }
+
+    /// Frames that may have been rendered and are not there.
     pub(super) fn beyond(&self) -> Range<u64> {
         self.taken..self.rendered
     }
 
-    /// Says of a film or a truth that was full, once what there is of both is whole.
+    /// Says of a film or a truth that was full, or that the user stopped it, once what there is of both is whole.
     ///
     /// # Errors
-    /// Where one was full.
+    /// Where one was full, or it was stopped.
     pub(super) fn ended(self, film: &Path, truth: &Path) -> Result<()> {
+        if self.is_stopped {
+            return Err(Failure::stopped(self.taken).into());
+        }
         let Some((part, full)) = self.full else {
             return Ok(());
         };
@@ -120,6 +148,8 @@ impl Room {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use super::*;
     use crate::commands::exit;
     use crate::lab::synth::{Truth, TruthFrame, demo};
@@ -184,8 +214,10 @@ mod tests {
                 heard.push(f.frame);
                 Ok(())
             };
-            let room =
-                pool.install(|| render(wanted, Some(&mut film), &mut truth, one, taken, failed));
+            let room = pool.install(|| {
+                let film = Some(&mut film);
+                render(wanted, film, &mut truth, one, taken, &|| false, failed)
+            });
             let text = String::from_utf8(truth.finish().unwrap()).unwrap();
             let frames = Truth::parse(&text, "t").unwrap().frames;
             assert!(frames.iter().map(|f| f.frame).eq(heard));
@@ -219,7 +251,17 @@ mod tests {
         let mut truth = FrameWriter::new(Vec::new(), &known.head(), most).unwrap();
         let wanted = known.frames.len() as u64;
         let failed = |_: Part, e: io::Error| Failure::output(path, &e);
-        let room = render(wanted, Some(&mut film), &mut truth, one, |_| Ok(()), failed).unwrap();
+        let strip = Some(&mut film);
+        let room = render(
+            wanted,
+            strip,
+            &mut truth,
+            one,
+            |_| Ok(()),
+            &|| false,
+            failed,
+        )
+        .unwrap();
         let taken = room.taken();
         assert!((wanted / 4..wanted).contains(&taken), "{taken} of {wanted}");
         let text = String::from_utf8(truth.finish().unwrap()).unwrap();
@@ -235,5 +277,55 @@ mod tests {
             "{line}"
         );
         assert_eq!(exit::code(&said), exit::IO);
+    }
+
+    #[test]
+    fn what_is_there_when_it_is_stopped_is_whole() {
+        let known = demo::truth();
+        let (path, beside) = (Path::new("a.avi"), Path::new("a.truth.json"));
+        let one = |k: u64| {
+            let frame = TruthFrame {
+                frame: k,
+                ..known.frames[0].clone()
+            };
+            Ok((vec![0; 64], frame))
+        };
+        let failed = |_: Part, e: io::Error| Failure::output(path, &e);
+        // Batches are as long as on two cores.
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
+        let pool = pool.build().unwrap();
+        let film = |last: Option<u64>| {
+            let is_over = AtomicBool::new(last.is_none());
+            let mut film = AviWriter::new(Nowhere::default(), 64, 48, (15, 1)).unwrap();
+            let mut truth = FrameWriter::new(Vec::new(), &known.head(), u64::MAX).unwrap();
+            let taken = |f: &TruthFrame| {
+                is_over.fetch_or(Some(f.frame) == last, Ordering::Relaxed);
+                Ok(())
+            };
+            let is_stopped = || is_over.load(Ordering::Relaxed);
+            let room = pool.install(|| {
+                let film = Some(&mut film);
+                render(100, film, &mut truth, one, taken, &is_stopped, failed)
+            });
+            let text = String::from_utf8(truth.finish().unwrap()).unwrap();
+            let frames = Truth::parse(&text, "t").unwrap().frames;
+            (frames, room, film.finish().unwrap().end)
+        };
+        let (frames, room, bytes) = film(Some(BATCH - 1));
+        assert!(frames.iter().map(|f| f.frame).eq(0..BATCH));
+        // Headers, and for each picture its 64 bytes, 8 before them and 16 in the index.
+        assert_eq!(bytes, 232 + 88 * BATCH);
+        let room = room.unwrap();
+        assert_eq!((room.taken(), room.beyond()), (BATCH, BATCH..2 * BATCH));
+        let said = room.ended(path, beside).unwrap_err();
+        assert!(exit::told(&said).contains("stopped after 32 frames"));
+        assert_eq!(exit::code(&said), exit::INTERRUPTED);
+        let said = film(None).1.unwrap_err();
+        assert!(exit::told(&said).contains("nothing was written"));
+        assert_eq!(exit::code(&said), exit::INTERRUPTED);
+        // What is done when it is stopped is whole.
+        let (frames, room, _) = film(Some(99));
+        assert_eq!(frames.len(), 100);
+        room.unwrap().ended(path, beside).unwrap();
     }
 }

@@ -8,7 +8,7 @@ use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
-use super::strip::{Part, Room, render};
+use super::strip::{Part, Room, Stopped, render};
 use super::{SynthArgs, expect_empty, jpeg};
 use crate::bounded::DATA;
 use crate::camera::calibration::write_pose2sim;
@@ -20,7 +20,7 @@ use crate::lab::synth::frames::FrameWriter;
 use crate::lab::synth::shoot::Reel;
 use crate::lab::synth::studio::{Studio, name};
 use crate::lab::synth::survey::Survey;
-use crate::lab::synth::world::{FORMAT, VERSION, WorldTruth};
+use crate::lab::synth::world::{FORMAT, VERSION, WorldFrame, WorldTruth};
 use crate::output::AtomicFolder;
 use crate::record::{Format, ObservationsRow, RecordWriter};
 
@@ -28,8 +28,14 @@ use crate::record::{Format, ObservationsRow, RecordWriter};
 const WORLD: &str = "world.json";
 
 /// Writes the folder, which appears only when it is complete: all views as far as the film of one before, or its truth,
-/// has room.
-pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Result<()> {
+/// has room. They are made one after the other: there is nothing of them all before the last is being made, so that
+/// nothing is kept of what the user stops.
+pub(super) fn write(
+    args: &SynthArgs,
+    views: usize,
+    out: &Path,
+    is_stopped: &Stopped<'_>,
+) -> anyhow::Result<()> {
     expect_empty(out)?;
     let size = (args.width, args.height);
     let (people, fps) = (args.people as usize, args.fps as f32);
@@ -51,17 +57,26 @@ pub(super) fn write(args: &SynthArgs, views: usize, out: &Path) -> anyhow::Resul
             number,
             folder: folder.beside(),
             bar: &bar,
+            is_stopped,
         };
-        let room = view.write(wanted)?;
+        let room = expect_whole(view.write(wanted)?)?;
         wanted = room.taken();
         longest = wanted.max(longest);
         ended = ended.and(room.ended(&out.join(view.film()), &out.join(view.truth())));
     }
-    let room = world(args, &studio, longest, folder.beside())?;
+    let room = expect_whole(world(args, &studio, longest, folder.beside(), is_stopped)?)?;
     ended = ended.and(room.ended(out, &out.join(WORLD)));
     bar.finish_and_clear();
     folder.finish().map_err(failed)?;
     ended
+}
+
+/// Refuses a part that the user stopped.
+fn expect_whole(part: Room) -> anyhow::Result<Room> {
+    match part.is_stopped() {
+        true => Err(Failure::stopped(0).into()),
+        false => Ok(part),
+    }
 }
 
 /// Whether anybody has to look which pixels show whom.
@@ -70,7 +85,13 @@ fn is_surveyed(args: &SynthArgs) -> bool {
 }
 
 /// Writes where everybody is in the world, so many frames.
-fn world(args: &SynthArgs, studio: &Studio, frames: u64, folder: &Path) -> anyhow::Result<Room> {
+fn world(
+    args: &SynthArgs,
+    studio: &Studio,
+    frames: u64,
+    folder: &Path,
+    is_stopped: &Stopped<'_>,
+) -> anyhow::Result<Room> {
     let path = folder.join(WORLD);
     let failed = |_: Part, e: io::Error| Failure::output(&path, &e);
     let no_world = |e: io::Error| failed(Part::Truth, e);
@@ -85,7 +106,8 @@ fn world(args: &SynthArgs, studio: &Studio, frames: u64, folder: &Path) -> anyho
     let mut text = FrameWriter::new(text, &about.head(), DATA).map_err(no_world)?;
     let no_film = None::<&mut AviWriter<File>>;
     let one = |k: u64| Ok((Vec::new(), studio.world(k)));
-    let room = render(frames, no_film, &mut text, one, |_| Ok(()), failed)?;
+    let taken = |_: &WorldFrame| Ok(());
+    let room = render(frames, no_film, &mut text, one, taken, is_stopped, failed)?;
     text.finish().map_err(no_world)?;
     Ok(room)
 }
@@ -97,6 +119,7 @@ struct Seen<'a> {
     number: usize,
     folder: &'a Path,
     bar: &'a ProgressBar,
+    is_stopped: &'a Stopped<'a>,
 }
 
 impl Seen<'_> {
@@ -134,7 +157,9 @@ impl Seen<'_> {
         let size = [args.width, args.height];
         let taken = |frame: &TruthFrame| {
             if let Some((detector, file)) = &mut observed {
-                file.write(&detector.observe(frame, size), &clip)?;
+                let mut told = detector.observe(frame, size);
+                told.frame_total = wanted as u32;
+                file.write(&told, &clip)?;
             }
             Ok(())
         };
@@ -143,7 +168,8 @@ impl Seen<'_> {
             Part::Truth => no_truth(e),
         };
         let one = self.shooting(&mask_of);
-        let room = render(wanted, avi.as_mut(), &mut text, one, taken, failed)?;
+        let film = avi.as_mut();
+        let room = render(wanted, film, &mut text, one, taken, self.is_stopped, failed)?;
         if let Some(avi) = avi {
             avi.finish().map_err(no_film)?;
         }
@@ -152,7 +178,7 @@ impl Seen<'_> {
             file.finish()?;
         }
         for path in room.beyond().filter(|_| args.masks).map(mask_of) {
-            std::fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
+            super::remove(&path)?;
         }
         Ok(room)
     }

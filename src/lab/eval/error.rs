@@ -43,6 +43,18 @@ pub enum EvalError {
         /// A picture.
         found: String,
     },
+    /// A picture was predicted in another size than the truth has it.
+    #[error(
+        "expected predictions of {}x{} pixels, as the truth has {picture}, found {}x{}; predict the pictures that the truth is about, neither turned nor scaled", expected[0], expected[1], found[0], found[1]
+    )]
+    Size {
+        /// The picture, or the frame of the film.
+        picture: String,
+        /// Pixels across and down in the truth.
+        expected: [f64; 2],
+        /// The same in the predictions.
+        found: [f64; 2],
+    },
     /// Two predictions are of one frame.
     #[error(
         "expected one prediction of every frame, found two of frame {frame}; give the predictions of one film, once"

@@ -26,7 +26,8 @@ pub struct Finding {
     pub mean_oks: Option<f64>,
 }
 
-/// Finds people at an OKS of at least `least`, matching each picture so that the total OKS is greatest.
+/// Finds people at an OKS of at least `least`, matching each picture so that the total OKS of people who count is
+/// greatest; people to be ignored come after them.
 ///
 /// Every picture comes with its scale to network input pixels, where its size is known. `counts` (person, scale) says
 /// which people are asked for; the others may be found but are not missed, and a prediction on one of them (or on a
@@ -45,12 +46,7 @@ pub fn find_people<'a>(
             .map(|(t, ignored)| !ignored && counts(t, scale))
             .collect();
         people += asked.iter().filter(|a| **a).count();
-        let scores: Vec<f32> = image
-            .oks
-            .iter()
-            .flatten()
-            .map(|o| if *o >= least { *o as f32 } else { 0.0 })
-            .collect();
+        let scores = image.matching_scores(least);
         let pairs = matcher.solve(image.scores.len(), truth.len(), &scores);
         for (p, pair) in pairs.iter().enumerate() {
             match *pair {

@@ -64,6 +64,10 @@ fn area_of(prediction: &Joints2d) -> f64 {
     AREA_OF_BOX * w * h
 }
 
+/// Weight of people to be ignored in a matching: they get no prediction that makes any difference to somebody who
+/// counts.
+const IGNORED_WEIGHT: f64 = 1e-6;
+
 /// Similarities in one picture.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ImageOks {
@@ -98,6 +102,20 @@ impl ImageOks {
                 .collect(),
             excused: predicted.iter().map(|(_, p)| beyond(truth, p)).collect(),
         }
+    }
+
+    /// Scores for a matching of greatest total, row-major `[prediction][person]`: OKS, 0 where it is below `least`.
+    /// People who count come first, as in COCO's protocol: whoever is near the box of a person without labels, or in a
+    /// crowd's, is as similar to it as can be, and that says nothing.
+    pub(super) fn matching_scores(&self, least: f64) -> Vec<f32> {
+        let score = |(oks, ignored): (&f64, &bool)| match (*oks >= least, ignored) {
+            (false, _) => 0.0,
+            (true, false) => *oks as f32,
+            (true, true) => (IGNORED_WEIGHT * oks) as f32,
+        };
+        let rows = self.oks.iter();
+        rows.flat_map(|row| row.iter().zip(&self.ignored).map(score))
+            .collect()
     }
 }
 

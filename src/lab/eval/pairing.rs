@@ -37,7 +37,26 @@ pub(crate) fn pair<'a>(
             predictions: predictions.frames.len(),
         });
     }
+    expect_same_size(&pairs)?;
     Ok(pairs)
+}
+
+/// Pixels of a picture that was turned or scaled, or of another one, are no measure.
+fn expect_same_size(pairs: &[(&TruthFrame, Option<&PredictedFrame>)]) -> Result<(), EvalError> {
+    for (t, p) in pairs {
+        if let (Some(expected), Some(found)) = (t.size, p.map(|p| p.size))
+            && found.iter().all(|pixels| *pixels > 0.0)
+            && found != expected
+        {
+            let picture = t.frame.map(|index| format!("frame {index}"));
+            return Err(EvalError::Size {
+                picture: picture.unwrap_or_else(|| t.source.clone()),
+                expected,
+                found,
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Predictions of a film by their number; two of one number are of two films, or of one film twice.
@@ -125,6 +144,7 @@ mod tests {
                 people: Vec::new(),
             }],
             bodies: true,
+            ..Predictions::default()
         }
     }
 
@@ -151,6 +171,38 @@ mod tests {
         }
         // Frames of a film may be pictures.
         assert!(pair(&truth(""), &of("frames/0.jpg")).is_ok());
+    }
+
+    /// A film of the same name that was filmed, or one that was turned or scaled.
+    #[test]
+    fn so_are_those_of_pictures_of_another_size() {
+        let sized = |mut truth: TruthSet| {
+            truth.frames[0].size = Some([640.0, 400.0]);
+            truth
+        };
+        let photo = TruthSet {
+            frames: vec![TruthFrame {
+                source: "a.jpg".to_owned(),
+                ..TruthFrame::default()
+            }],
+            ..TruthSet::default()
+        };
+        for (truth, source, named) in [
+            (truth("a.avi"), "a.mp4", "frame 0"),
+            (truth(""), "b.mp4", "frame 0"),
+            (photo, "a.jpg", "a.jpg"),
+        ] {
+            let truth = sized(truth);
+            let mut predictions = of(source);
+            assert!(pair(&truth, &predictions).is_ok(), "the size is not known");
+            predictions.frames[0].size = [640.0, 400.0];
+            assert!(pair(&truth, &predictions).is_ok());
+            predictions.frames[0].size = [1080.0, 1920.0];
+            let e = pair(&truth, &predictions).unwrap_err().to_string();
+            for word in [named, "640x400", "1080x1920"] {
+                assert!(e.contains(word), "{e}");
+            }
+        }
     }
 
     #[test]

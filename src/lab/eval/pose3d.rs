@@ -73,11 +73,19 @@ pub struct PoseErrors {
 }
 
 impl PoseErrors {
+    /// Whether joints lie anywhere but all in one point, as where a file has zeros for want of truth.
+    pub(super) fn has_extent(joints: &[Option<[f64; 3]>; BODY_JOINTS]) -> bool {
+        let mut known = joints.iter().flatten();
+        let first = known.next();
+        known.any(|j| Some(j) != first)
+    }
+
     /// Whether the truth tells enough to have errors: a pelvis, and four joints to turn and scale by, one of them an
-    /// evidence joint.
+    /// evidence joint, not all of them in one point.
     pub fn can_be(truth: &[Option<[f64; 3]>; BODY_JOINTS]) -> bool {
         let known = |joints: &[Option<[f64; 3]>]| joints.iter().flatten().count();
-        truth[PELVIS].is_some() && known(truth) >= 4 && known(&truth[..EVIDENCE_JOINTS]) > 0
+        let is_enough = known(truth) >= 4 && known(&truth[..EVIDENCE_JOINTS]) > 0;
+        truth[PELVIS].is_some() && is_enough && Self::has_extent(truth)
     }
 
     /// Errors over the joints that the truth has, both sides relative to their pelvis. `None` where they

@@ -8,6 +8,7 @@ use serde::de::IgnoredAny;
 
 use super::EvalError;
 use super::oks::Joints2d;
+use crate::record::rows::WorldName;
 use crate::record::{self, Kind, RecordError};
 
 /// Confidence of a body's joint that is given none: bodies are complete, so every joint counts as predicted.
@@ -52,6 +53,9 @@ pub struct Predictions {
     /// Whether `run` wrote it: camera-space bodies with identities, in true metres, rather than pelvis-relative people
     /// of canonical stature.
     pub bodies: bool,
+    /// The file, with the line, of the first frame whose bodies are in a calibration's axes, in which truth of one
+    /// camera cannot be held against them.
+    pub in_calibration: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -66,10 +70,23 @@ struct Line {
     #[serde(default)]
     height: f64,
     people: Vec<LinePerson>,
+    intrinsics: Option<Lens>,
+    world: Option<LineWorld>,
     /// Only bodies are fitted.
     fit_us: Option<IgnoredAny>,
     /// Only observations may lack one.
     without_neck: Option<IgnoredAny>,
+}
+
+#[derive(Deserialize)]
+struct Lens {
+    fx: f64,
+}
+
+#[derive(Deserialize)]
+struct LineWorld {
+    translation: [f64; 3],
+    state: WorldName,
 }
 
 #[derive(Deserialize)]
@@ -123,6 +140,7 @@ impl Predictions {
             expect_same(own, new, name)?;
         }
         self.bodies |= more.bodies;
+        self.in_calibration = self.in_calibration.take().or(more.in_calibration);
         self.frames.extend(more.frames);
         Ok(())
     }
@@ -169,6 +187,9 @@ impl Predictions {
             for new in line.kinds() {
                 expect_same(*kind.get_or_insert(new), new, &at())?;
             }
+            if out.in_calibration.is_none() && line.is_in_calibration() {
+                out.in_calibration = Some(at());
+            }
             let mut people = Vec::with_capacity(line.people.len());
             for p in line.people {
                 people.push(p.check(&at)?);
@@ -212,6 +233,19 @@ impl Line {
             None => Kind::Observations,
         });
         fitted.into_iter().chain(observed).chain(people)
+    }
+
+    /// Whether it has bodies in a calibration's axes: those of several cameras are of no lens, and those of one are in
+    /// a world whose origin is that of the axes and not the floor below the camera.
+    fn is_in_calibration(&self) -> bool {
+        if !self.kinds().any(|kind| kind == Kind::Bodies) {
+            return false;
+        }
+        let is_of_no_lens = self.intrinsics.as_ref().is_some_and(|lens| lens.fx == 0.0);
+        let is_shared = self.world.as_ref().is_some_and(|world| {
+            matches!(world.state, WorldName::Given) && world.translation == [0.0; 3]
+        });
+        is_of_no_lens || is_shared
     }
 }
 

@@ -110,7 +110,7 @@ struct Scene<'a> {
     image: ImageOks,
     /// Over all evidence joints.
     evidence: ImageOks,
-    /// Prediction of every true person, over the evidence joints.
+    /// Prediction of every true person, over the evidence joints; those to be ignored have what nobody who counts has.
     partner: Vec<Option<usize>>,
     /// Network input pixels per pixel; none where the picture's size is not known.
     scale: Option<f64>,
@@ -129,13 +129,21 @@ impl Scene<'_> {
 /// Measures predictions against truth.
 ///
 /// # Errors
-/// When there is nothing to measure, or it cannot be told which prediction belongs to which frame of the truth.
+/// When there is nothing to measure, it cannot be told which prediction belongs to which frame of the truth, or the
+/// bodies are not in a camera's axes.
 pub fn evaluate(
     predictions: &Predictions,
     truth: &TruthSet,
     options: &EvalOptions,
 ) -> Result<Report, EvalError> {
     expect_somebody(truth)?;
+    if let Some(at) = &predictions.in_calibration {
+        return Err(EvalError::format(
+            at,
+            "bodies in camera axes, as truth is",
+            "those in a calibration's; measure the observations of each camera, or bodies of `fit` or `run` of one",
+        ));
+    }
     let pairs = pair(truth, predictions)?;
     let mut matcher = Matcher::default();
     let scenes: Vec<Scene> = pairs
@@ -226,12 +234,7 @@ fn scene<'a>(
         image
     };
     let (image, evidence) = (compared(joints), compared(JointSet::Evidence));
-    let scores: Vec<f32> = evidence
-        .oks
-        .iter()
-        .flatten()
-        .map(|o| if *o >= SAME_PERSON { *o as f32 } else { 0.0 })
-        .collect();
+    let scores = evidence.matching_scores(SAME_PERSON);
     let mut partner = vec![None; truth.people.len()];
     let pairs = matcher.solve(people.len(), truth.people.len(), &scores);
     for (p, t) in pairs.iter().enumerate() {
@@ -356,10 +359,8 @@ fn mupots_people(s: &Scene) -> (Vec<MupotsPerson>, Vec<MupotsPerson>) {
                     joints2d[j] = Some([k.u, k.v]);
                 }
             }
-            Some(MupotsPerson {
-                joints2d,
-                joints3d: t.joints3d?,
-            })
+            let joints3d = t.joints3d.filter(PoseErrors::has_extent)?;
+            Some(MupotsPerson { joints2d, joints3d })
         })
         .collect();
     let predicted: Vec<MupotsPerson> = s
@@ -382,7 +383,14 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
         let counted: Vec<usize> = (0..s.truth.people.len())
             .filter(|&t| !s.evidence.ignored[t] && s.truth.people[t].id.is_some())
             .collect();
-        // A body on somebody who is not asked for, because nearly nothing of them shows, is neither right nor wrong.
+        // A body on somebody who is not asked for, because nearly nothing of them shows, is neither right nor wrong,
+        // unless it is that of somebody who is.
+        let is_taken = |p: usize| {
+            let mut partners = s.partner.iter().enumerate();
+            partners.any(|(t, own)| {
+                *own == Some(p) && !s.evidence.ignored[t] && s.evidence.oks[p][t] >= SAME_IDENTITY
+            })
+        };
         let on_hidden = |p: usize| {
             let best = |ignored: bool| {
                 let row = s.evidence.oks[p].iter().zip(&s.evidence.ignored);
@@ -390,7 +398,7 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
                 row.fold(0.0, f64::max)
             };
             let hidden = best(true) >= SAME_IDENTITY && best(true) > best(false);
-            hidden || s.evidence.excused[p] && best(false) < SAME_IDENTITY
+            hidden && !is_taken(p) || s.evidence.excused[p] && best(false) < SAME_IDENTITY
         };
         let people = s.people();
         let kept: Vec<usize> = (0..people.len())

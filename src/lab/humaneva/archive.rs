@@ -100,9 +100,9 @@ impl HumanEva {
         let mut truth = Reader::open(folder, TRUTH)?;
         let names = truth.names("names")?;
         let lengths = truth.numbers("lengths", &[None])?;
-        let joints = truth.numbers("joints3d_m_world", &[None, Some(JOINTS), Some(3)])?;
+        let joints = truth.finite("joints3d_m_world", &[None, Some(JOINTS), Some(3)])?;
         let pixels = [None, Some(CAMERAS), Some(JOINTS), Some(2)];
-        let pixels = truth.numbers("gt2d_px", &pixels)?;
+        let pixels = truth.finite("gt2d_px", &pixels)?;
         let frames = joints.shape[0];
         let total: f64 = lengths.data.iter().sum();
         let countable = lengths.data.iter().all(|n| *n >= 0.0 && n.fract() == 0.0);
@@ -216,6 +216,18 @@ impl<R: Read + Seek> Reader<R> {
         })
     }
 
+    /// The same where every number is to be finite.
+    fn finite(&mut self, name: &str, shape: &[Option<usize>]) -> Result<Numbers, HumanEvaError> {
+        let array = self.numbers(name, shape)?;
+        match array.data.iter().find(|x| !x.is_finite()) {
+            None => Ok(array),
+            Some(other) => Err(self.wrong(
+                format!("'{name}' to be finite numbers"),
+                format!("{other}; copy the archive again"),
+            )),
+        }
+    }
+
     fn names(&mut self, name: &str) -> Result<Vec<String>, HumanEvaError> {
         let read = self.archive.texts(name);
         let texts = read.map_err(|source| HumanEvaError::Array {
@@ -225,7 +237,7 @@ impl<R: Read + Seek> Reader<R> {
         texts.ok_or_else(|| self.wrong(format!("an array '{name}'"), "none of this name".into()))
     }
 
-    /// Detections by the true joints of their frame, and camera.
+    /// Detections by the true joints of their frame, and camera; none of rows that are not all finite numbers.
     fn detected(&mut self) -> Result<Detected, HumanEvaError> {
         let joints = self.numbers("joints3d_m_world", &[None, Some(JOINTS), Some(3)])?;
         let pixels = self.numbers("alphapose2d_px", &[None, Some(COCO_JOINTS), Some(2)])?;
@@ -247,7 +259,8 @@ impl<R: Read + Seek> Reader<R> {
         let rows = joints.data.chunks_exact(3 * JOINTS);
         let seen = pixels.data.chunks_exact(2 * COCO_JOINTS);
         let each = rows.zip(seen).zip(&cameras.data);
-        Ok(each
+        let known = each.filter(|((_, seen), _)| seen.iter().all(|x| x.is_finite()));
+        Ok(known
             .map(|((row, seen), camera)| {
                 let pixel = |j: usize| DVec2::from_slice(&seen[2 * j..2 * j + 2]);
                 ((key(row), *camera as usize), std::array::from_fn(pixel))

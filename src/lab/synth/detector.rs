@@ -10,7 +10,7 @@ use super::truth::{SELF_OCCLUDED, TruthFrame, TruthPerson, VISIBLE};
 use crate::joints::{
     BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, MIRROR, MIRROR_BODY, NECK, PELVIS,
 };
-use crate::message::{Intrinsics, MAX_PEOPLE, Observation, ObservationFrame};
+use crate::message::{FLAG_FILE_TIME, Intrinsics, MAX_PEOPLE, Observation, ObservationFrame};
 
 /// Fewest joints by which somebody is found.
 const LEAST_JOINTS: usize = 4;
@@ -113,7 +113,8 @@ impl Detector {
         }
     }
 
-    /// What it tells of the next frame, a picture of `size` pixels. Joints that others or things hide are not seen.
+    /// What it tells of the next frame of a film, a picture of `size` pixels; how many there are is not known. Joints
+    /// that others or things hide are not seen.
     pub fn observe(&mut self, truth: &TruthFrame, size: [u32; 2]) -> ObservationFrame {
         let c = &truth.camera;
         let lens = Intrinsics {
@@ -128,6 +129,7 @@ impl Detector {
             width: size[0],
             height: size[1],
             intrinsics: lens,
+            flags: FLAG_FILE_TIME,
             ..ObservationFrame::default()
         };
         let mut seen: Vec<Observation> = truth

@@ -1,9 +1,9 @@
 //! Who counts: people cut off, beyond the picture, or labelled without a size.
 
 use edgecap::joints::BODY_JOINTS;
-use edgecap::lab::eval::{EvalOptions, Predictions, TruthFrame, TruthSet, evaluate};
+use edgecap::lab::eval::{EvalOptions, Predictions, TruthFrame, TruthPerson, TruthSet, evaluate};
 
-use super::{Joints2d, exact, line, observation, person, synthetic};
+use super::{Joints2d, body, exact, line, observation, person, synthetic};
 use crate::near;
 
 #[test]
@@ -50,6 +50,62 @@ fn a_report_on_somebody_beyond_the_picture_is_neither_right_nor_wrong() {
     near(both.coco.unwrap().ap50, 1.0);
     let far = report(&[150.0, 300.0]);
     assert_eq!((far.finding[1].found, far.finding[1].false_people), (1, 1));
+}
+
+#[test]
+fn a_phantom_in_the_corner_is_not_on_somebody_beyond_the_picture() {
+    let mut truth = synthetic(|p| {
+        for joint in p["joints2d"].as_array_mut().unwrap() {
+            joint[0] = (joint[0].as_f64().unwrap() + 600.0).into();
+        }
+        p["visibility"] = vec![0; BODY_JOINTS].into();
+        p["box"] = serde_json::json!([590.0, -10.0, 740.0, 80.0]);
+    })
+    .unwrap();
+    let mut there = synthetic(|_| ()).unwrap().frames[0].people[0].clone();
+    there.id = Some(2);
+    there.points.iter_mut().for_each(|k| k.u += 300.0);
+    truth.frames[0].people.push(there);
+    let own = exact().map(|[u, v, c]| [u + 300.0, v, c]);
+    let phantom = exact().map(|[u, v, c]| [0.1 * u, 0.1 * v, c]);
+    let people = [own, phantom].map(|joints| observation(0.9, &joints));
+    let predictions = Predictions::parse(&line(0, "", &people.join(",")), "p").unwrap();
+    let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+    for row in report.finding {
+        assert_eq!((row.found, row.false_people), (1, 1), "{row:?}");
+    }
+}
+
+#[test]
+fn neither_a_crowd_nor_a_person_without_labels_takes_a_report_away() {
+    let labelled = TruthPerson {
+        joints3d: Some(body().map(Some)),
+        ..person(5000.0)
+    };
+    let near_labels = exact().map(|[u, v, c]| [u + 4.0, v, c]);
+    let text = line(0, "a.jpg", &observation(0.9, &near_labels));
+    let predictions = Predictions::parse(&text, "p").unwrap();
+    for crowd in [true, false] {
+        let mut unlabelled = person(20_000.0);
+        unlabelled.points.iter_mut().for_each(|k| k.visibility = 0);
+        unlabelled.bbox = [0.0, 0.0, 512.0, 320.0];
+        unlabelled.crowd = crowd;
+        let truth = TruthSet {
+            frames: vec![TruthFrame {
+                source: "a.jpg".into(),
+                people: vec![unlabelled, labelled.clone()],
+                ..TruthFrame::default()
+            }],
+            ..TruthSet::default()
+        };
+        let report = evaluate(&predictions, &truth, &EvalOptions::default()).unwrap();
+        for row in report.finding {
+            let counts = (row.people, row.found, row.false_people);
+            assert_eq!(counts, (1, 1, 0), "crowd {crowd}");
+        }
+        near(report.pck.unwrap(), 1.0);
+        assert_eq!(report.pose3d.unwrap().people, 1);
+    }
 }
 
 #[test]

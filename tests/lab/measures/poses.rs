@@ -1,9 +1,12 @@
 //! Errors of poses in space: MPJPE, 3DPCK, Procrustes, MuPoTS-3D.
 
 use edgecap::joints::{BODY_JOINTS, PELVIS};
-use edgecap::lab::eval::{Mupots, MupotsPerson, Pose3d, PoseErrors, Protocol, align_similarity};
+use edgecap::lab::eval::{
+    EvalOptions, Mupots, MupotsPerson, Pose3d, PoseErrors, Predictions, Protocol, align_similarity,
+    evaluate,
+};
 
-use super::body;
+use super::{body, exact, line, observation, synthetic};
 use crate::near;
 
 #[test]
@@ -94,6 +97,24 @@ fn pose_errors_are_root_aligned() {
     (14..18).for_each(|j| trunk[j] = Some(truth[j]));
     assert!(!PoseErrors::can_be(&trunk));
     assert!(PoseErrors::can_be(&truth.map(Some)) && !PoseErrors::can_be(&rootless));
+}
+
+#[test]
+fn joints_all_in_one_point_are_no_truth() {
+    let text = line(0, "", &observation(0.9, &exact()));
+    let predictions = Predictions::parse(&text, "p").unwrap();
+    let report = |joints: [[f64; 3]; BODY_JOINTS]| {
+        let joints = joints.to_vec();
+        let truth = synthetic(|p| p["joints3d"] = serde_json::json!(joints)).unwrap();
+        evaluate(&predictions, &truth, &EvalOptions::default()).unwrap()
+    };
+    let known = report(body());
+    assert!(known.pose3d.is_some() && known.mupots.len() == 2);
+    for point in [[0.0; 3], [0.0, 0.0, 4.0]] {
+        let unknown = report([point; BODY_JOINTS]);
+        assert_eq!((unknown.pose3d, unknown.mupots.len()), (None, 0));
+        assert_eq!(unknown.finding[2].found, 1);
+    }
 }
 
 fn mupots_person(shift: f64, scale: f64) -> MupotsPerson {

@@ -141,6 +141,44 @@ fn observations_and_bodies_are_not_mixed() {
 }
 
 #[test]
+fn bodies_in_the_axes_of_a_calibration_are_refused() {
+    let world = |[x, y, z]: [f64; 3], state: &str| {
+        let turn = "[-0.7071,0.0,0.0,0.7071]";
+        format!(r#""world":{{"rotation":{turn},"translation":[{x},{y},{z}],"state":"{state}"}}"#)
+    };
+    let lens =
+        |focal: f64| format!(r#""intrinsics":{{"fx":{focal},"fy":{focal},"cx":255.5,"cy":159.5}}"#);
+    let body = observation(0.8, &exact()).replace("\"score\"", "\"position\":[0,0,4],\"score\"");
+    let measured = |about: &[String]| {
+        let with = |frame: u64, about: &str| {
+            line(frame, "", &body).replace("\"people\"", &format!("{about},\"people\""))
+        };
+        let plain = with(0, &lens(440.0));
+        let text = format!("{plain}\n{}", with(1, &about.join(",")));
+        let mut all = Predictions::parse(&plain.replace("\"frame\":0", "\"frame\":7"), "o")?;
+        all.append(Predictions::parse(&text, "p")?, "p")?;
+        evaluate(&all, &synthetic(|_| ()).unwrap(), &EvalOptions::default())
+    };
+    let from_one = [lens(440.0), world([0.0; 3], "given")];
+    for refused in [
+        &from_one[..],
+        &[lens(0.0), world([0.0; 3], "given")],
+        &[lens(0.0)],
+    ] {
+        let said = measured(refused).unwrap_err().to_string();
+        assert!(
+            said.starts_with("p, line 2: expected bodies in camera axes"),
+            "{said}"
+        );
+    }
+    // The floor of a camera alone is somewhere below it.
+    for state in ["given", "estimated"] {
+        let about = [lens(440.0), world([0.0, 1.4, 0.0], state)];
+        assert_eq!(measured(&about).unwrap().pose3d.unwrap().people, 1);
+    }
+}
+
+#[test]
 fn records_that_were_cut_off_are_read_to_their_last_whole_frame() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("p");

@@ -136,6 +136,37 @@ fn whoever_is_beside_the_one_labelled_person_is_no_wrong_identity() {
 }
 
 #[test]
+fn a_body_before_somebody_hidden_is_that_of_whoever_is_seen() {
+    let mut truth = synthetic(|_| ()).unwrap();
+    let mut hidden = synthetic(|p| {
+        p["id"] = 2.into();
+        p["visibility"] = vec![3; BODY_JOINTS].into();
+    })
+    .unwrap()
+    .frames
+    .remove(0)
+    .people
+    .remove(0);
+    assert!(hidden.crowd);
+    hidden.points.iter_mut().for_each(|k| k.u += 14.0);
+    truth.frames[0].people.push(hidden);
+    let identity = |bodies: &[String]| {
+        let predictions = Predictions::parse(&line(0, "", &bodies.join(",")), "p").unwrap();
+        let report = evaluate(&predictions, &truth, &EvalOptions::default());
+        let identity = report.unwrap().identity.unwrap();
+        (identity.truth, identity.predicted, identity.matched)
+    };
+    // Nearer to who is hidden, but no other body is on who is seen.
+    let between = tracked(6, 8.0, &body());
+    assert_eq!(identity(std::slice::from_ref(&between)), (1, 1, 1));
+    assert_eq!(
+        identity(&[tracked(5, 0.0, &body()), between]),
+        (1, 1, 1),
+        "the other one is of who is hidden"
+    );
+}
+
+#[test]
 fn bodies_and_a_truth_without_a_place_are_compared_by_their_poses() {
     let pelvis = body()[PELVIS];
     let pose: [[f64; 3]; BODY_JOINTS] = body().map(|p| std::array::from_fn(|i| p[i] - pelvis[i]));

@@ -86,7 +86,7 @@ fn predicted(frames: Vec<(&str, Vec<Person>)>) -> Predictions {
     };
     Predictions {
         frames: frames.map(frame).collect(),
-        bodies: false,
+        ..Predictions::default()
     }
 }
 

@@ -156,10 +156,17 @@ impl TruthSet {
             *self = more;
             return Ok(());
         }
-        if self.single != more.single || self.video || more.video {
+        if self.video || more.video {
             return Err(EvalError::format(
                 name,
-                "truth of the same kind as the files before it, and no video",
+                "one truth, as films are measured one at a time",
+                "another beside it; give each film's truth and predictions to an `eval` of its own",
+            ));
+        }
+        if self.single != more.single {
+            return Err(EvalError::format(
+                name,
+                "truth of the same kind as the files before it",
                 "another kind; measure it on its own",
             ));
         }
@@ -237,7 +244,7 @@ impl TruthSet {
         let unread = |e: serde_json::Error| {
             EvalError::format(
                 name,
-                format!("ground truth of format {format:?}"),
+                format!("ground truth of --format {}", npz::name_of(format)),
                 e.to_string(),
             )
         };
@@ -245,7 +252,10 @@ impl TruthSet {
             return Err(EvalError::format(
                 name,
                 "truth that has parts with --split, a NumPy archive or a list with 'split'",
-                format!("format {format:?}, which has none; leave it out"),
+                format!(
+                    "--format {}, which has none; leave it out",
+                    npz::name_of(format)
+                ),
             ));
         }
         match format {

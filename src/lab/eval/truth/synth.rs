@@ -116,9 +116,14 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
         let before = (0..EVIDENCE_JOINTS).all(|j| p.joints3d[j][2] > NEAR);
         let whole = if before { box_of(&|_| true) } else { bbox };
         let is_beyond = !(0..EVIDENCE_JOINTS).any(|j| inside(&j));
+        // Of somebody without a place in the picture nothing there is within reach.
+        let area = match is_beyond {
+            true => 0.0,
+            false => super::AREA_OF_BOX * whole[2] * whole[3],
+        };
         TruthPerson {
             id: Some(p.id),
-            area: super::AREA_OF_BOX * whole[2] * whole[3],
+            area,
             bbox,
             crowd: hidden,
             beyond: p

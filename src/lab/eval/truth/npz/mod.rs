@@ -214,7 +214,7 @@ fn joint_order(
         }
     };
     let all = order.body_joints(joints);
-    all.ok_or_else(|| other_count(source, format!("{joints} joints for {order:?}")))
+    all.ok_or_else(|| other_count(source, format!("{joints} joints for {}", name_of(order))))
 }
 
 fn other_count(source: &Source<'_>, found: String) -> EvalError {
@@ -225,7 +225,7 @@ fn other_count(source: &Source<'_>, found: String) -> EvalError {
 }
 
 /// How a choice is written.
-fn name_of<T: ValueEnum>(choice: T) -> String {
+pub(super) fn name_of<T: ValueEnum>(choice: T) -> String {
     let value = choice.to_possible_value();
     value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
