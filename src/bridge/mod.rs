@@ -6,3 +6,5 @@ mod outcome;
 mod udp;
 pub mod vmc;
 pub mod websocket;
+
+pub use udp::expect_port;

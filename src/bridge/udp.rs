@@ -16,6 +16,17 @@ const MOST_BYTES: [usize; 2] = [1472, 1452];
 /// Seconds from 1900, where OSC's time begins, to 1970.
 const FROM_1900: u64 = 2_208_988_800;
 
+/// Refuses an address that nothing can be sent to.
+///
+/// # Errors
+/// What was expected.
+pub fn expect_port(to: SocketAddr) -> Result<(), String> {
+    match to.port() {
+        0 => Err("expected a port to send to, from 1 to 65535, found 0".to_owned()),
+        _ => Ok(()),
+    }
+}
+
 /// Sends packets of OSC to one machine.
 #[derive(Debug)]
 pub struct Outlet {

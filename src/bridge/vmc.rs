@@ -15,7 +15,7 @@ use glam::{DQuat, DVec3};
 use rosc::OscType::{Float, Int, String as Text};
 use rosc::{OscMessage, OscTime, OscType};
 
-use super::udp::{Outlet, message, time_of};
+use super::udp::{Outlet, expect_port, message, time_of};
 use crate::body::skeleton::{Skeleton, TPose};
 use crate::joints::PELVIS;
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, HUMANOID_BONE_COUNT, HUMANOID_BONES};
@@ -153,6 +153,7 @@ impl VmcBridge {
 /// # Errors
 /// What was expected.
 pub fn expect_ports(to: SocketAddr) -> Result<(), String> {
+    expect_port(to)?;
     match to.port() {
         0..=LAST_PORT => Ok(()),
         port => Err(format!(
@@ -287,6 +288,8 @@ mod tests {
             let wanted = "expected a port up to 65528, as 8 people have one each, found ";
             assert_eq!(said, format!("{wanted}{port}"));
         }
+        let said = new(0).unwrap_err().to_string();
+        assert_eq!(said, "expected a port to send to, from 1 to 65535, found 0");
     }
 
     #[test]

@@ -153,7 +153,11 @@ fn save(mut file: AtomicFile, certificate: &Certificate) -> std::io::Result<()> 
 fn trained(path: Option<&Path>) -> anyhow::Result<Option<Subject>> {
     if let Some(path) = path {
         let origin = path.display().to_string();
-        let model = Model::open(path)?;
+        let model = Model::open(path).map_err(|e| match e {
+            // These name it.
+            ModelError::Io { .. } => anyhow::Error::from(e),
+            e => anyhow::Error::from(e).context(origin.clone()),
+        })?;
         return Ok(Some(Subject::trained(
             model,
             &origin,

@@ -11,6 +11,7 @@ use super::input::DEFAULT_NAME;
 use super::relay::EventRelay;
 use super::say;
 use super::stop::Stop;
+use super::watch::Absence;
 use crate::sink::{Packet, Silence, Sinks};
 
 /// How long to wait for a message before looking at the signals again.
@@ -52,10 +53,17 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
     // Where the camera is away this is somebody who was there hours ago.
     bodies.next(Duration::ZERO)?;
     let (mut is_running, mut silence) = (false, Silence::default());
+    let mut absence = Absence::since(Instant::now());
     while !stop.requested() {
         // Who is behind sends the newest, and the end in any case.
         let mut waiting = bodies.next(LOOK_UP)?.map(|frame| Box::new(*frame));
+        if waiting.is_none()
+            && let Some(line) = absence.look(&args.camera, &bodies, Instant::now())
+        {
+            say::err(&line);
+        }
         while let Some(frame) = waiting {
+            absence.hear(frame.flags, Instant::now());
             waiting = bodies.next(Duration::ZERO)?.map(|frame| Box::new(*frame));
             let is_end = |frame: &BodyFrame| frame.flags & FLAG_END_OF_STREAM != 0;
             if is_end(&frame) {

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use signal_hook::SigId;
 use signal_hook::consts::SIGUSR1;
@@ -13,6 +12,7 @@ use signal_hook::consts::SIGUSR1;
 use super::exit::Failure;
 use super::input::path_in_words;
 use super::serve::{PageArgs, PageServer, Past, address, parse_address, parse_token};
+use crate::bridge::expect_port;
 use crate::bridge::osc::{OscBridge, OscEvents};
 use crate::bridge::vmc::{VmcBridge, expect_ports};
 use crate::bridge::websocket::Hub;
@@ -34,8 +34,8 @@ pub struct BridgeArgs {
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
     /// Send joints and events as OSC over UDP to this address, such as 127.0.0.1:9000
-    #[arg(long, value_name = "ADDRESS", value_parser = parse_address)]
-    #[serde(deserialize_with = "address")]
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_osc_address)]
+    #[serde(deserialize_with = "osc_address")]
     pub osc: Option<SocketAddr>,
     /// Send bone rotations for avatars as VMC over UDP to this address, such as 127.0.0.1:39539, each further person to
     /// the next port
@@ -172,6 +172,12 @@ impl BridgeArgs {
     }
 }
 
+/// Reads an address to send to.
+fn parse_osc_address(text: &str) -> Result<SocketAddr, String> {
+    let to = parse_address(text)?;
+    expect_port(to).map(|()| to)
+}
+
 /// Reads an address from whose port on everybody has one.
 fn parse_vmc_address(text: &str) -> Result<SocketAddr, String> {
     let to = parse_address(text)?;
@@ -179,11 +185,20 @@ fn parse_vmc_address(text: &str) -> Result<SocketAddr, String> {
 }
 
 /// The same of the settings.
+fn osc_address<'de, D: Deserializer<'de>>(from: D) -> Result<Option<SocketAddr>, D::Error> {
+    expected(address(from)?, expect_port)
+}
+
 fn vmc_address<'de, D: Deserializer<'de>>(from: D) -> Result<Option<SocketAddr>, D::Error> {
-    let to = address(from)?;
-    if let Some(to) = to {
-        expect_ports(to).map_err(|e| D::Error::custom(format!("'{to}': {e}")))?;
-    }
+    expected(address(from)?, expect_ports)
+}
+
+fn expected<E: serde::de::Error>(
+    to: Option<SocketAddr>,
+    expect: impl Fn(SocketAddr) -> Result<(), String>,
+) -> Result<Option<SocketAddr>, E> {
+    let refused = |to| expect(to).map_err(|e| E::custom(format!("'{to}': {e}")));
+    to.map(refused).transpose()?;
     Ok(to)
 }
 

@@ -6,7 +6,7 @@ use std::sync::mpsc::{
     Receiver, RecvTimeoutError, SyncSender, TrySendError, channel, sync_channel,
 };
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Message, Subscriber};
@@ -15,6 +15,7 @@ use super::exit::Failure;
 use super::input::{DEFAULT_NAME, stream_name};
 use super::say;
 use super::stop::Stop;
+use super::watch::Absence;
 use crate::bounded;
 use crate::config::{Mistake, Setting};
 use crate::counted::counted;
@@ -121,7 +122,7 @@ impl Told {
 }
 
 /// Prints what `find` makes of every message of a stream, its end included, until nobody reads it any more or the user
-/// stops it; the publisher may come and go.
+/// stops it; the publisher may come and go, which is said.
 ///
 /// # Errors
 /// Shared memory's, what standard output failed of, and lines that nobody takes at the end.
@@ -135,11 +136,15 @@ fn follow<M: Message>(
         let stream = Subscriber::<M>::open(camera)?;
         // What happened before is not told as if it happened now.
         stream.next(Duration::ZERO)?;
+        let mut absence = Absence::since(Instant::now());
         while !stop.requested() && !lines.have_ended() {
             if let Some(message) = stream.next(LOOK_UP)? {
+                absence.hear(message.flags(), Instant::now());
                 for told in find(&message) {
                     lines.offer(told);
                 }
+            } else if let Some(line) = absence.look(camera, &stream, Instant::now()) {
+                say::err(&line);
             }
         }
         Ok(())
@@ -318,8 +323,11 @@ pub fn config(setting: Option<&Setting<EventConfig>>) -> anyhow::Result<EventCon
 /// If it cannot be read, or what is wrong with it.
 pub fn read(path: &Path) -> anyhow::Result<EventConfig> {
     let name = path.display().to_string();
-    let text = bounded::read_text(path, bounded::SETTINGS)
-        .map_err(|e| Failure::config(format!("cannot read {name}: {e}")))?;
+    let text = bounded::read_text(path, bounded::SETTINGS).map_err(|e| {
+        Failure::config(format!(
+            "cannot read {name}: {e}; expected settings of events (--events; --settings of 'edgecap events'), check the path"
+        ))
+    })?;
     let config: EventConfig =
         toml::from_str(&text).map_err(|e| Mistake::refused(&name, &text, &e))?;
     match config.mistake() {

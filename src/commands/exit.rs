@@ -8,7 +8,8 @@ use crate::config::Mistake;
 use crate::counted::counted;
 use crate::engine::{EngineError, ModelError, NetworkError};
 use crate::export::ExportError;
-use crate::record::RecordError;
+use crate::output::no_room;
+use crate::record::{RecordError, no_whole_frame};
 use crate::sink::SinkError;
 
 /// The command line was wrong.
@@ -53,15 +54,15 @@ impl Failure {
         }
     }
 
-    /// A result could not be written.
+    /// A result could not be written. Of a full disk the place is not to blame.
     pub fn output(path: &std::path::Path, cause: &std::io::Error) -> Self {
-        let message = format!(
-            "cannot write {}: {cause}; choose a writable place",
-            path.display()
-        );
+        let (code, why) = match no_room(cause) {
+            Some(full) => (IO, full.to_owned()),
+            None => (CANNOT_CREATE, format!("{cause}; choose a writable place")),
+        };
         Self {
-            code: CANNOT_CREATE,
-            message,
+            code,
+            message: format!("cannot write {}: {why}", path.display()),
         }
     }
 
@@ -71,6 +72,14 @@ impl Failure {
             code: CANNOT_CREATE,
             message: message.into(),
         }
+    }
+
+    /// The system has no thread for what is needed.
+    pub fn no_thread(what: &str, cause: &std::io::Error) -> Self {
+        Self::unavailable(format!(
+            "expected a thread {what}, found none to be had ({cause}): raise TasksMax= of the service, the container's \
+             limit of processes or 'ulimit -u'"
+        ))
     }
 
     /// An input file cannot be opened.
@@ -120,9 +129,7 @@ impl Failure {
     pub fn no_whole_frame(name: &str, what: &str, was_cut: bool) -> Self {
         match was_cut {
             false => Self::no_frames(name, what),
-            true => Self::data(format!(
-                "{name}: expected a record of {what}, found it cut off inside its first frame; record again"
-            )),
+            true => Self::data(no_whole_frame(name, what)),
         }
     }
 
@@ -261,6 +268,7 @@ pub fn code(error: &anyhow::Error) -> u8 {
             }
             if let Some(e) = cause.downcast_ref::<SinkError>() {
                 return Some(match e {
+                    SinkError::Create { cause, .. } if no_room(cause).is_some() => IO,
                     SinkError::Create { .. } => CANNOT_CREATE,
                     SinkError::Write { .. } | SinkError::Lost { .. } => IO,
                     SinkError::Kind { .. } => USAGE,
@@ -309,6 +317,7 @@ fn link_code(error: &LinkError) -> u8 {
 fn model_code(error: &ModelError) -> u8 {
     match error {
         ModelError::Io { action: "read", .. } | ModelError::NotShipped => NO_INPUT,
+        ModelError::Io { source, .. } if no_room(source).is_some() => IO,
         ModelError::Io { .. } => CANNOT_CREATE,
         ModelError::NoRange(_) => USAGE,
         _ => DATA,
@@ -360,6 +369,40 @@ mod tests {
         assert!(outcome.is_err() && after.is_ok(), "there is no result");
         let cut = CaptureError::data("a.avi", "cut off");
         assert!(without_left_out(Err(cut.into()), 1).0.is_err());
+    }
+
+    /// Whichever verb writes, and whether or not it had begun.
+    #[test]
+    fn a_full_disk_is_told_as_one_and_fails_on_the_way() {
+        let path = || std::path::PathBuf::from("a.glb");
+        for (errno, words) in [
+            (libc::ENOSPC, "the disk is full: make room"),
+            (libc::EDQUOT, "the quota on the disk is used up: make room"),
+            (
+                libc::EFBIG,
+                "the system lets no file become longer: raise the limit (ulimit -f, LimitFSIZE=)",
+            ),
+        ] {
+            let full = || std::io::Error::from_raw_os_error(errno);
+            let failure = anyhow::Error::from(Failure::output(&path(), &full()));
+            assert_eq!(told(&failure), format!("cannot write a.glb: {words}"));
+            assert_eq!(code(&failure), IO);
+            let record = SinkError::Create {
+                path: path(),
+                cause: full(),
+            };
+            assert_eq!(code(&record.into()), IO);
+            let model = ModelError::Io {
+                action: "write",
+                path: path(),
+                source: full(),
+            };
+            assert_eq!(code(&model.into()), IO);
+        }
+        let closed = std::io::Error::from_raw_os_error(libc::EROFS);
+        let failure = anyhow::Error::from(Failure::output(&path(), &closed));
+        assert_eq!(code(&failure), CANNOT_CREATE);
+        assert!(told(&failure).ends_with("; choose a writable place"));
     }
 
     #[test]

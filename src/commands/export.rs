@@ -70,7 +70,7 @@ pub fn plot(args: PlotArgs) -> anyhow::Result<()> {
 ///
 /// # Errors
 /// Exit code 64 for an unknown extension, 65 for a record without bodies, without the person, or damaged, 66 where it
-/// cannot be opened, 73 where the file cannot be written.
+/// cannot be opened, 73 where the file cannot be written, 74 where the disk is full.
 pub fn export(args: ExportArgs) -> anyhow::Result<()> {
     let format = Format::of(&args.to)?;
     Apart::default()
@@ -408,7 +408,7 @@ mod tests {
         let (lines, written) = kept.write("film", false);
         assert!(lines.is_empty() && !to.exists());
         let e = written.unwrap_err();
-        assert_eq!(exit::code(&e), exit::CANNOT_CREATE, "{e}");
-        assert!(e.to_string().contains("a.csv"), "{e}");
+        assert_eq!(exit::code(&e), exit::IO, "{e}");
+        assert!(e.to_string().contains("a.csv: the disk is full"), "{e}");
     }
 }

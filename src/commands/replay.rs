@@ -75,6 +75,13 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
         ))
         .into());
     }
+    let is_again = |(k, name): &(usize, &String)| args.names[..*k].contains(name);
+    if let Some((_, name)) = args.names.iter().enumerate().find(is_again) {
+        return Err(Failure::usage(format!(
+            "--name {name}: expected a name for each record, found it given twice; only one record can have it",
+        ))
+        .into());
+    }
     if records > 1 && args.again {
         return Err(Failure::usage("--loop plays one record: give one, or leave it out").into());
     }
@@ -130,20 +137,28 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
         together,
     });
     thread::scope(|scope| {
-        let playing: Vec<_> = takes
-            .map(|take| {
-                scope.spawn(move || {
-                    let played = take.publish();
-                    // Of a room that lacks a camera the others are no replay.
-                    take.has_failed.fetch_or(played.is_err(), Ordering::Relaxed);
-                    played
-                })
-            })
-            .collect();
-        let ends = playing.into_iter().map(|thread| thread.join());
-        let ends: Vec<_> = ends
-            .map(|end| end.unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-            .collect();
+        let playing = takes.map(|take| {
+            let play = move || {
+                let played = take.publish();
+                // Of a room that lacks a camera the others are no replay.
+                take.has_failed.fetch_or(played.is_err(), Ordering::Relaxed);
+                played
+            };
+            let started = thread::Builder::new()
+                .name("take".into())
+                .spawn_scoped(scope, play);
+            // Nor of one for which the system has no thread.
+            has_failed.fetch_or(started.is_err(), Ordering::Relaxed);
+            started
+        });
+        let playing: Vec<_> = playing.collect();
+        let ends = playing.into_iter().map(|started| -> anyhow::Result<()> {
+            let thread = started.map_err(|e| Failure::no_thread("for each record", &e))?;
+            thread
+                .join()
+                .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        });
+        let ends: Vec<_> = ends.collect();
         ends.into_iter().collect()
     })
 }

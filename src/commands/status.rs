@@ -131,7 +131,7 @@ pub fn status(args: StatusArgs) -> anyhow::Result<()> {
     } else {
         for Stream { name, kind } in &others {
             say::whole(&format!(
-                "{:9} {name}: {kind} are published, not by 'run'",
+                "{:9} {name}: {kind} are published, but not by a run of cameras",
                 "ok"
             ))?;
         }
@@ -193,7 +193,7 @@ fn others(runs: &[Status]) -> Vec<Stream> {
 }
 
 /// Names under which somebody alive publishes.
-fn published<M: Message>() -> Vec<String> {
+pub(super) fn published<M: Message>() -> Vec<String> {
     let lives = |name: &String| {
         let stream = Subscriber::<M>::open(name);
         stream.is_ok_and(|s| s.publisher_count() > 0)
@@ -283,7 +283,7 @@ fn running() -> Vec<Status> {
 }
 
 /// Removes the files of runs that were killed.
-fn remove_dead(folder: &Path) {
+pub(super) fn remove_dead(folder: &Path) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
         if read(&path).is_some() && !is_alive(&path) {

@@ -2,17 +2,18 @@
 
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME};
 use edgecap_client::{Subscriber, cameras};
 
-use super::doctor;
 use super::exit::Failure;
 use super::followed::Followed;
 use super::say;
 use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
+use super::watch::{QUIET, nobody_yet};
+use super::{closed, doctor};
 use crate::events::EventConfig;
 use crate::export::Clock;
 use crate::record::{self, BodiesRow, RowReader, Times};
@@ -59,6 +60,7 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     // Those that the user names are waited for, however long.
     let patience = args.cameras.is_empty().then_some(PATIENCE);
     let mut followed = Followed::new(server.hub(), &stop, patience);
+    let (began, mut awaited) = (Instant::now(), args.cameras.clone());
     let mut told = false;
     while !stop.requested() {
         let names = if args.cameras.is_empty() {
@@ -69,10 +71,23 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
             args.cameras.clone()
         };
         if names.is_empty() && !told {
-            say::err(
-                "nobody publishes yet: start 'edgecap'; 'edgecap doctor' says where this looks",
-            );
+            say::err(&match closed::advice() {
+                Some(advice) => format!("nobody publishes that this user may see; {advice}"),
+                None => {
+                    "nobody publishes yet: start 'edgecap'; 'edgecap doctor' says where this looks"
+                        .to_owned()
+                }
+            });
             told = true;
+        }
+        // They may start together with this.
+        if began.elapsed() > QUIET {
+            for name in awaited.drain(..) {
+                let stream = Subscriber::<BodyFrame>::open(&name);
+                if stream.is_ok_and(|stream| stream.publisher_count() == 0) {
+                    say::err(&nobody_yet::<BodyFrame>(&name));
+                }
+            }
         }
         followed.look(&names);
         std::thread::sleep(DISCOVER_EVERY);

@@ -3,19 +3,19 @@
 use std::time::{Duration, Instant};
 
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME};
-use edgecap_client::{Subscriber, service_name};
+use edgecap_client::{Message, Subscriber, service_name};
 
 use super::input::DEFAULT_NAME;
-use super::say;
 use super::stop::Stop;
 use super::table::{Table, TableArgs};
 use super::tally::Tally;
+use super::{closed, doctor, say, status};
 use crate::sink::Rhythm;
 
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// How long nothing may come before the user is told, where the camera is not slower.
-const QUIET: Duration = Duration::from_secs(3);
+pub const QUIET: Duration = Duration::from_secs(3);
 
 /// Options of `edgecap watch`.
 #[derive(Debug, clap::Args)]
@@ -60,10 +60,10 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
             table.update(&frame, tally.left_out);
             quiet.hear(Instant::now());
         } else if quiet.begins(Instant::now()) {
-            table.say(match bodies.publisher_count() {
-                0 => heard.then_nobody(),
-                _ => "connected, but no frames come: is the camera there?",
-            });
+            match bodies.publisher_count() {
+                0 => table.say(&heard.then_nobody::<BodyFrame>(&args.name)),
+                _ => table.say("connected, but no frames come: is the camera there?"),
+            }
         }
     }
     table.finish();
@@ -80,19 +80,76 @@ enum Heard {
 }
 
 impl Heard {
-    /// What to say where nobody publishes after that.
-    fn then_nobody(self) -> &'static str {
-        match self {
-            Self::Nothing => {
-                "nobody publishes there yet: start 'edgecap run', with the same --name; 'edgecap doctor' says where it looks"
-            }
+    /// What to say where nobody publishes a camera's messages after that.
+    fn then_nobody<M: Message>(self, camera: &str) -> String {
+        let why = match self {
+            Self::Nothing => return nobody_yet::<M>(camera),
             Self::Frames => {
-                "nobody publishes there any more: its run was killed, or is being started again; this goes on with the next"
+                "its run was killed, or is being started again; this goes on with the next"
             }
-            Self::End => {
-                "nobody publishes there any more: its run has ended; this goes on with the next (Ctrl-C stops)"
-            }
+            Self::End => "its run has ended; this goes on with the next (Ctrl-C stops)",
+        };
+        format!("nobody publishes {camera} any more: {why}")
+    }
+}
+
+/// What to say of a camera that is waited for and of which nobody publishes such messages: perhaps another is meant.
+pub fn nobody_yet<M: Message>(camera: &str) -> String {
+    let mut others = status::published::<M>();
+    others.retain(|name| name != camera && !doctor::is_check(name));
+    if others.is_empty()
+        && let Some(advice) = closed::advice()
+    {
+        return format!("nobody publishes {camera} that this user may see; {advice}");
+    }
+    let others = match others.is_empty() {
+        true => "'edgecap doctor' says where it looks".to_owned(),
+        false => format!("or name one that there is: {}", others.join(", ")),
+    };
+    format!("nobody publishes {camera} yet: start 'edgecap run --name {camera}'; {others}")
+}
+
+/// Whether the user is to be told that nobody publishes what a verb waits for: once of each silence. A publisher that
+/// has nothing to tell is there all the same.
+pub struct Absence {
+    quiet: Quiet,
+    heard: Heard,
+}
+
+impl Absence {
+    /// Of a verb that waits from now on.
+    pub fn since(began: Instant) -> Self {
+        Self {
+            quiet: Quiet::since(began),
+            heard: Heard::Nothing,
         }
+    }
+
+    /// A message with these flags came.
+    pub fn hear(&mut self, flags: u32, now: Instant) {
+        self.heard = match flags & FLAG_END_OF_STREAM {
+            0 => Heard::Frames,
+            _ => Heard::End,
+        };
+        self.quiet.hear(now);
+    }
+
+    /// What to say where no message came.
+    pub fn look<M: Message>(
+        &mut self,
+        camera: &str,
+        stream: &Subscriber<M>,
+        now: Instant,
+    ) -> Option<String> {
+        if stream.publisher_count() > 0 {
+            if matches!(self.heard, Heard::Nothing) {
+                self.heard = Heard::Frames;
+            }
+            self.quiet.hear(now);
+            return None;
+        }
+        let is_news = self.quiet.begins(now);
+        is_news.then(|| self.heard.then_nobody::<M>(camera))
     }
 }
 

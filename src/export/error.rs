@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::counted::counted;
-use crate::record::RecordError;
+use crate::record::{RecordError, no_whole_frame};
 
 /// Why a record cannot be exported.
 #[derive(Debug, thiserror::Error)]
@@ -23,9 +23,7 @@ pub enum ExportError {
         frames: u64,
     },
     /// The record ends inside its first frame.
-    #[error(
-        "{name}: expected a record of bodies, found it cut off inside its first frame; record again"
-    )]
+    #[error("{}", no_whole_frame(.name, "bodies"))]
     Cut {
         /// The record.
         name: String,

@@ -7,7 +7,7 @@ use super::error::ExportError;
 use super::lives::Lives;
 use super::size;
 use super::times::{self, RATE};
-use crate::message::{Body, World};
+use crate::message::{Body, BodyFrame, World};
 use crate::record::{BodiesRow, RowReader};
 
 /// No camera is faster: shorter steps are a record's mistake, and would make endless files. Frames a second.
@@ -51,8 +51,9 @@ impl Take {
     /// Reads a record of bodies in either format; `name` is what errors call it.
     ///
     /// # Errors
-    /// What is wrong with the record; [`ExportError::Empty`] where nobody is in it, [`ExportError::Cut`] where no whole
-    /// frame is, [`ExportError::Format`] where there are too many to be held.
+    /// What is wrong with the record, such as two people of one id in a frame; [`ExportError::Empty`] where nobody is
+    /// in it, [`ExportError::Cut`] where no whole frame is, [`ExportError::Format`] where there are too many to be
+    /// held.
     pub fn read(input: impl BufRead, name: &str) -> Result<Self, ExportError> {
         Self::read_of(input, name, None)
     }
@@ -73,6 +74,9 @@ impl Take {
         let (mut ids, mut held) = (BTreeSet::new(), 0_u64);
         while let Some(row) = rows.read()? {
             let mut message = row.message();
+            if let Some(id) = doubled(&message) {
+                return Err(rows.bad(format!("two people with the id {id}")).into());
+            }
             lives.count_on(&mut message);
             let index = take.frames.len();
             stamps.push((message.sequence, message.pose_ns));
@@ -88,14 +92,10 @@ impl Take {
                     continue;
                 }
                 held += 1;
-                let samples = take.people.entry(id).or_default();
-                // Twice in one frame: the first stays.
-                if samples.last().is_none_or(|s| s.frame != index) {
-                    samples.push(Sample {
-                        frame: index,
-                        body: *body,
-                    });
-                }
+                take.people.entry(id).or_default().push(Sample {
+                    frame: index,
+                    body: *body,
+                });
             }
             let bytes = held as f64 * size_of::<Sample>() as f64;
             size::expect(bytes, || format!("the bodies of {} frames", index + 1))?;
@@ -171,6 +171,15 @@ impl Take {
         let known = self.frames.iter().rev().find(|f| f.world.is_known());
         known.map(|f| f.world)
     }
+}
+
+/// The id that two of a frame's bodies have, if any do: no format could tell them apart.
+fn doubled(frame: &BodyFrame) -> Option<u32> {
+    let bodies = frame.bodies();
+    let is_known = |k: usize| bodies[..k].iter().any(|other| other.id == bodies[k].id);
+    (0..bodies.len())
+        .find(|k| is_known(*k))
+        .map(|k| bodies[k].id)
 }
 
 fn no_person(name: &str, id: u32, ids: &BTreeSet<u32>) -> ExportError {

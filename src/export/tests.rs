@@ -62,6 +62,21 @@ fn a_record_that_ends_inside_its_first_frame_was_cut_and_not_of_nobody() {
 }
 
 #[test]
+fn two_people_of_one_id_in_a_frame_are_refused() {
+    let lines = lines(&[(0, 0, &[1, 2]), (1, SECOND, &[2, 1, 2])]);
+    for person in [None, Some(1)] {
+        let refused = Take::read_of(&lines[..], "record", person).unwrap_err();
+        let line = refused.to_string();
+        assert!(
+            line.starts_with("record, line 2: expected one frame"),
+            "{line}"
+        );
+        assert!(line.contains("two people with the id 2"), "{line}");
+        assert!(matches!(refused, ExportError::Record(_)), "{line}");
+    }
+}
+
+#[test]
 fn of_one_person_nobody_else_is_held() {
     let lines = lines(&[(0, 0, &[1, 2]), (1, SECOND, &[2]), (2, 2 * SECOND, &[1])]);
     let of = |id| Take::read_of(&lines[..], "record", Some(id));

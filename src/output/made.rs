@@ -17,7 +17,16 @@ impl MadeFolders {
         let is_missing = |f: &&Path| !f.as_os_str().is_empty() && !f.exists();
         let missing = folder.ancestors().take_while(is_missing);
         let made = Self(missing.map(Path::to_owned).collect());
-        fs::create_dir_all(folder)?;
+        fs::create_dir_all(folder).map_err(|e| {
+            let stands = folder.ancestors().find(|f| f.exists() && !f.is_dir());
+            stands.map_or(e, |at| {
+                let words = format!(
+                    "expected a folder, found a file or a device at {}",
+                    at.display()
+                );
+                io::Error::new(io::ErrorKind::NotADirectory, words)
+            })
+        })?;
         Ok(made)
     }
 
@@ -63,5 +72,14 @@ mod tests {
         let e = MadeFolders::make(&folder.path().join("new").join(long));
         assert!(e.is_err());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        for place in [file.clone(), file.join("new")] {
+            let e = MadeFolders::make(&place).unwrap_err().to_string();
+            assert!(
+                e.contains("expected a folder, found a file") && e.ends_with("/file"),
+                "{e}"
+            );
+        }
     }
 }

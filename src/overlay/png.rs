@@ -7,13 +7,11 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use crate::capture::Frame;
-use crate::output::AtomicFile;
+use crate::output::{AtomicFile, no_room};
 
 /// Why a picture could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "{path}: cannot write the picture ({source}); check that the folder exists, is writable and has room"
-)]
+#[error("{path}: cannot write the picture ({})", why(.source))]
 pub struct OverlayError {
     /// The file that was to be written.
     pub path: PathBuf,
@@ -22,10 +20,21 @@ pub struct OverlayError {
 }
 
 impl OverlayError {
-    /// The code from `sysexits.h` that a command ends with: 73, cannot create.
+    /// The code from `sysexits.h` that a command ends with: 73, cannot create; 74 where nothing more finds room.
     pub fn exit_code(&self) -> u8 {
-        73
+        if no_room(&self.source).is_some() {
+            74
+        } else {
+            73
+        }
     }
+}
+
+fn why(source: &io::Error) -> String {
+    no_room(source).map_or_else(
+        || format!("{source}; check that the folder exists and is writable"),
+        ToOwned::to_owned,
+    )
 }
 
 /// Writes the picture: nobody ever sees half a file, and nothing is left behind after an error. A link of this name is

@@ -1,5 +1,12 @@
 //! What can be wrong with a recorded file.
 
+/// What is wrong with a record of `what` that was cut off inside its first frame.
+pub(crate) fn no_whole_frame(name: &str, what: &str) -> String {
+    format!(
+        "{name}: expected a record of {what}, found it cut off inside its first frame; record again"
+    )
+}
+
 /// Why a record cannot be read. Frames and lines count from 1.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {

@@ -25,6 +25,7 @@ mod writer;
 pub use append::GrowingRecord;
 pub use camera::CameraSource;
 pub use error::RecordError;
+pub(crate) use error::no_whole_frame;
 pub use flight::FlightRecorder;
 pub use kind::Kind;
 pub use open::{expect_no_folder, open};

@@ -199,7 +199,8 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
         RecordError::Frame { name, frame, found }
     }
 
-    pub(super) fn bad(&self, found: String) -> RecordError {
+    /// That the line or frame read last is none, because of what was `found` in it.
+    pub(crate) fn bad(&self, found: String) -> RecordError {
         let (name, line) = (self.name.clone(), self.line);
         match self.is_binary {
             // Nobody repairs one of these by hand.

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use edgecap_client::LinkError;
 
+use crate::output::no_room;
 use crate::overlay::OverlayError;
 
 /// Why a sink failed.
 #[derive(Debug, thiserror::Error)]
 pub enum SinkError {
     /// A file or folder cannot be made.
-    #[error("cannot write {}: {cause}; choose a writable place", path.display())]
+    #[error("cannot write {}: {}", path.display(), refusal(cause))]
     Create {
         /// What was to be made.
         path: PathBuf,
@@ -69,7 +70,12 @@ pub(super) fn name(path: &Path) -> String {
 fn reason(error: &io::Error) -> String {
     match error.kind() {
         io::ErrorKind::BrokenPipe => "nobody reads it any more".to_owned(),
-        io::ErrorKind::StorageFull => "the disk is full: make room".to_owned(),
-        _ => error.to_string(),
+        _ => no_room(error).map_or_else(|| error.to_string(), str::to_owned),
     }
+}
+
+/// Of a full disk the place is not to blame.
+fn refusal(error: &io::Error) -> String {
+    let elsewhere = || format!("{error}; choose a writable place");
+    no_room(error).map_or_else(elsewhere, str::to_owned)
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use super::error::name;
 use super::{Packet, RecordSink, Sink, SinkError};
-use crate::output::is_stdout;
+use crate::output::{is_stdout, no_room};
 use crate::record::{Format, Row, encode};
 
 /// How often a record that failed is tried again.
@@ -306,8 +306,7 @@ impl<T: Row> Growing<T> {
 }
 
 fn is_full(error: &SinkError) -> bool {
-    let full = [ErrorKind::StorageFull, ErrorKind::QuotaExceeded];
-    matches!(error, SinkError::Create { cause, .. } if full.contains(&cause.kind()))
+    matches!(error, SinkError::Create { cause, .. } if no_room(cause).is_some())
 }
 
 #[cfg(test)]

@@ -129,6 +129,86 @@ fn content_that_is_no_picture() {
     assert_eq!(left, 4, "only the inputs are left");
 }
 
+/// A user who mistypes a number or a path is told which, and what would do.
+#[test]
+fn what_was_expected_is_said_in_the_users_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let bad = folder.path().join("bad.ecm");
+    std::fs::write(&bad, "no model").unwrap();
+    let bad = bad.to_str().unwrap();
+    let record = folder.path().join("bodies.jsonl");
+    let run = [
+        "run",
+        "--input",
+        "demo",
+        "--jsonl",
+        record.to_str().unwrap(),
+    ];
+    let run = |more: &[&'static str]| [&run[..], more].concat();
+    for (args, code, words) in [
+        (
+            run(&["--rate", "59.94"]),
+            64,
+            ["--rate", "expected a whole number from 1 to 240"],
+        ),
+        (
+            run(&["--events", "/nowhere.toml"]),
+            78,
+            ["--events", "/nowhere.toml"],
+        ),
+        (
+            vec!["events", "--settings", "/nowhere.toml"],
+            78,
+            ["--settings", "/nowhere.toml"],
+        ),
+        (
+            vec!["fit", "--rate", "0"],
+            64,
+            ["--rate", "expected a whole number from 1 to 240"],
+        ),
+        (
+            run(&["--fit-config", "/nowhere.toml"]),
+            78,
+            ["/nowhere.toml", "expected settings of the fit"],
+        ),
+        (
+            vec!["bench", "--model", bad, "--threads", "1"],
+            65,
+            ["bad.ecm", "no model"],
+        ),
+    ] {
+        assert_fails(&args, code, &words);
+    }
+    assert!(!record.exists());
+}
+
+/// The system would end the process with a signal.
+#[test]
+fn a_file_that_may_not_grow_any_further_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let to = folder.path().join("bodies.jsonl");
+    let run = edgecap();
+    let mut limited = std::process::Command::new("sh");
+    limited.envs(
+        run.get_envs()
+            .filter_map(|(key, value)| Some((key, value?))),
+    );
+    let script =
+        "ulimit -f 20; exec \"$0\" run --input demo --size 256x160 --threads 1 --jsonl \"$1\"";
+    limited.args(["-c", script]).arg(run.get_program()).arg(&to);
+    let out = limited.output().unwrap();
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(74), "{said}");
+    let told: Vec<&str> = said
+        .lines()
+        .filter(|l| l.starts_with("edgecap: "))
+        .collect();
+    assert_eq!(told.len(), 1, "{said}");
+    assert!(told[0].contains("bodies.jsonl: writing stopped"), "{said}");
+    let kept = std::fs::read_to_string(&to).unwrap();
+    assert!(kept.ends_with("}\n"), "whole lines are kept");
+}
+
 #[test]
 fn outputs_that_cannot_be_written() {
     let out = ["--jsonl", "/proc/nowhere/out.jsonl"];
@@ -240,6 +320,18 @@ fn options_that_would_do_nothing_are_refused() {
         assert_fails(&[&record[..], &more].concat(), 64, &[more[0], "--input"]);
     }
     assert_fails(&["fit", "--camera", "lens.toml"], 64, &["--input"]);
+    let run = ["run", "--input", "demo", "--jsonl", "/dev/null"];
+    for more in [
+        ["--metrics", "127.0.0.1:0"],
+        ["--rate", "60"],
+        ["--max-fps", "5"],
+    ] {
+        assert_fails(
+            &[&run[..], &more].concat(),
+            64,
+            &[more[0], "expected a camera"],
+        );
+    }
 }
 
 #[test]

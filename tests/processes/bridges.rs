@@ -557,6 +557,17 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
     }
     let args = ["bridge", "--vmc", "127.0.0.1:65529"];
     assert_fails(&args, 64, &["expected a port up to 65528", "found 65529"]);
+    // Where the system is to choose a port, nobody listens.
+    let folder = tempfile::tempdir().unwrap();
+    let settings = folder.path().join("edgecap.toml");
+    for key in ["osc", "vmc"] {
+        let words = "expected a port to send to, from 1 to 65535, found 0";
+        let args = ["bridge", &format!("--{key}"), "127.0.0.1:0"];
+        assert_fails(&args, 64, &[words]);
+        std::fs::write(&settings, format!("[bridges]\n{key} = \"[::1]:0\"\n")).unwrap();
+        let args = ["config", "check", "--config", settings.to_str().unwrap()];
+        assert_fails(&args, 78, &["edgecap.toml:2:7: ", words]);
+    }
 }
 
 /// Whole frames of the records in a folder, by file.

@@ -66,6 +66,17 @@ fn with_no_wait_an_absent_camera_ends_the_run() {
     assert_fails(&args, 69, &["no such file"]);
 }
 
+/// The clip that stands in for a camera would play without end.
+#[test]
+fn with_no_wait_nothing_stands_in_for_a_camera() {
+    if edgecap::capture::list_cameras().is_ok() {
+        eprintln!("skipped: this machine has a camera");
+        return;
+    }
+    let args = ["run", "--no-wait", "--name", &stream("no-clip-no-wait")];
+    assert_fails(&args, 69, &["--no-wait", "expected a camera"]);
+}
+
 #[test]
 fn an_unplugged_camera_and_a_killed_infer_are_back_when_it_is_plugged_in() {
     let camera = StandIn::new(30.0);

@@ -73,7 +73,16 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "2:16",
             "expected WIDTHxHEIGHT",
         ),
-        ("[[camera]]\nrate = 1000", "2:1", "1000 is not in 1..=240"),
+        (
+            "[[camera]]\nrate = 1000",
+            "2:8",
+            "expected a whole number from 1 to 240",
+        ),
+        (
+            "[[camera]]\nrate = 59.94",
+            "2:8",
+            "expected a whole number from 1 to 240",
+        ),
         (
             "[[camera]]\nmax_fps = nan",
             "2:1",

@@ -159,7 +159,22 @@ fn a_run_is_seen_and_its_shared_memory_is_cleared_only_when_it_has_gone() {
         "{said}"
     );
     drop(fit);
+    // What a killed run told of itself goes, too; what one that lives tells is locked.
+    let at = |name: &str| place.path().join("edgecap").join(name);
+    let text = r#"{"pid":1,"build":"","written":0.0,"cameras":[]}"#;
+    for name in ["status-dead", "status-alive"] {
+        std::fs::write(at(&format!("{name}.json")), text).unwrap();
+        std::fs::write(at(&format!("{name}.lock")), "").unwrap();
+    }
+    let alive = std::fs::File::open(at("status-alive.lock")).unwrap();
+    alive.try_lock().unwrap();
     assert_eq!(repair().status.code(), Some(0));
+    for (name, stays) in [("dead", false), ("alive", true)] {
+        for ending in ["json", "lock"] {
+            let file = at(&format!("status-{name}.{ending}"));
+            assert_eq!(file.exists(), stays, "{}", file.display());
+        }
+    }
     assert!(report(&doctor())[7].starts_with("note"));
 }
 

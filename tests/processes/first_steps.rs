@@ -33,6 +33,22 @@ fn observations_of_a_file_have_a_place_and_a_line_says_where() {
     }
     let results = std::fs::read_dir(folder.path().join("edgecap-out")).unwrap();
     assert_eq!(results.count(), 1);
+    let named = edgecap()
+        .current_dir(folder.path())
+        .args([
+            "infer",
+            "--input",
+            "écran 甲.png",
+            "--name",
+            &stream("line"),
+            "--jsonl",
+            "o.jsonl",
+        ])
+        .args(SMALL)
+        .output()
+        .unwrap();
+    let said = stderr(&named);
+    assert!(said.contains("1 frame, 0 with people → o.jsonl"), "{said}");
 }
 
 #[test]
@@ -284,7 +300,11 @@ fn status_tells_whoever_publishes() {
     // Readers look at other places, too: more may run on this machine.
     eventually("both streams", || {
         let text = stdout(&status(&[]));
-        let tells = |name: &str, kind: &str| text.contains(&format!("{name}: {kind} are"));
+        let tells = |name: &str, kind: &str| {
+            text.contains(&format!(
+                "{name}: {kind} are published, but not by a run of cameras"
+            ))
+        };
         (tells(&played, "bodies") && tells(&told, "observations")).then_some(())
     });
     let json = stdout(&status(&["--json"]));

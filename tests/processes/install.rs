@@ -1,6 +1,7 @@
 //! `edgecap install`: what it writes, twice, and takes away again; and what systemd thinks of the unit.
 
 use std::collections::BTreeMap;
+use std::fs::Permissions;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::Path;
 use std::process::{Command, Output};
@@ -471,6 +472,38 @@ fn a_persons_service_lies_in_that_persons_home() {
     assert_eq!(mode(&root.path().join(settings)), 0o600);
     install(root.path(), &["--user", "--uninstall"]);
     assert!(files(root.path()).is_empty());
+}
+
+/// They may hold a token, and whoever wrote them had permissions for everybody.
+#[test]
+fn settings_that_are_kept_are_closed_to_others() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = root.path().join("home/somebody/.config/edgecap");
+    std::fs::create_dir_all(&folder).unwrap();
+    let settings = folder.join("edgecap.toml");
+    let text = "[bridges]\nview = \"0.0.0.0:9744\"\ntoken = \"open-sesame\"\n";
+    std::fs::write(&settings, text).unwrap();
+    let set = |mode| std::fs::set_permissions(&settings, Permissions::from_mode(mode)).unwrap();
+    let says = |more: &[&str], mode: u32| {
+        let said = stdout(&install(root.path(), &[&["--user"], more].concat()));
+        let line = format!("keep      {} ({mode:o})", settings.display());
+        assert!(said.lines().any(|l| l == line), "{line} in {said}");
+    };
+    for (found, wanted) in [(0o644, 0o600), (0o600, 0o600), (0o440, 0o400)] {
+        set(found);
+        says(&["--dry-run"], wanted);
+        assert_eq!(mode(&settings), found, "a dry run changes nothing");
+        says(&[], wanted);
+        assert_eq!(mode(&settings), wanted);
+    }
+    assert_eq!(std::fs::read_to_string(&settings).unwrap(), text);
+    // What a link leads to is left alone, and what it lets others do is said.
+    let elsewhere = root.path().join("elsewhere.toml");
+    set(0o644);
+    std::fs::rename(&settings, &elsewhere).unwrap();
+    symlink(&elsewhere, &settings).unwrap();
+    says(&[], 0o644);
+    assert_eq!(mode(&elsewhere), 0o644);
 }
 
 /// `install` for a person whose `systemctl` fails at this verb.

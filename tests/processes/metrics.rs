@@ -386,5 +386,15 @@ fn a_folder_that_is_closed_to_this_user_is_said_and_how_it_opens() {
         !said.contains("usermod") && said.contains("owner"),
         "{said}"
     );
+    // Who looks on waits, and is told the same.
+    let view = program::as_stranger(folder.path())
+        .args(["view", "--listen", "127.0.0.1:0"])
+        .env("EDGECAP_RUNTIME_DIR", &place)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let told = Running(view.unwrap()).says("nobody publishes");
+    assert!(told.contains("is closed to this user"), "{told}");
     assert_eq!(ask(0o755).0, Some(69));
 }

@@ -3,7 +3,7 @@
 use edgecap::detect::AssociationConfig;
 use edgecap::engine::Model;
 
-use crate::program::{assert_fails, output, people_in, stdout};
+use crate::program::{assert_fails, edgecap, output, people_in, stderr, stdout};
 
 /// A model file with the shipped weights and these settings.
 fn model(folder: &tempfile::TempDir, settings: &str) -> String {
@@ -65,4 +65,24 @@ fn settings_that_nothing_can_hold_are_refused() {
         &["/nowhere.toml"],
     );
     assert!(!std::path::Path::new(output).exists());
+}
+
+/// To standard output goes the model and nothing else, by whatever name.
+#[test]
+fn a_model_comes_whole_out_of_a_pipe() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.toml");
+    std::fs::write(&file, settings(|s| s.min_score = 0.999)).unwrap();
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink("/dev/stdout", &link).unwrap();
+    let import = ["model", "import", "models/edgecap.ecm", "--association"];
+    for to in ["-", "/dev/stdout", link.to_str().unwrap()] {
+        let mut run = edgecap();
+        run.args(import).arg(&file).args(["-o", to]);
+        let out = run.output().unwrap();
+        assert!(out.status.success(), "{to}: {}", stderr(&out));
+        let model = Model::from_bytes(&out.stdout).unwrap();
+        assert!(model.association().is_some(), "{to}");
+        assert!(stderr(&out).contains("blake3 of the file"), "{to}");
+    }
 }

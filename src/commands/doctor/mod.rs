@@ -19,6 +19,7 @@ use super::input::DEFAULT_NAME;
 use super::run::RunArgs;
 use super::say;
 use super::settings::{self, ConfigArgs, Settings};
+use super::status;
 pub use beyond::held_back;
 use finding::{Finding, State};
 pub use memory::is_check;
@@ -179,10 +180,11 @@ fn settled(args: ConfigArgs) -> Settled {
 /// What to say of files that cannot be read to their end.
 const HANGS: &str = "reading edgecap.toml, or a file that it names, does not end: expected files, found a pipe or a folder that is away";
 
-/// Clears what the dead left of this user's shared memory.
+/// Clears what the dead left of this user's shared memory, and what they told of themselves.
 fn repair() -> anyhow::Result<()> {
     let folder = place::runtime_dir();
     let alive = place::clear()?;
+    status::remove_dead(&folder);
     if alive.is_empty() {
         say::out(&format!("{}: cleared; start again", folder.display()));
         return Ok(());

@@ -57,33 +57,54 @@ fn shown(command: &Command) -> Command {
     shown
 }
 
-/// The pages of the manual by their file names: the program and each verb.
+/// The pages of the manual by their file names: the program, its verbs, and those of a verb.
 ///
 /// # Errors
 /// None on a memory that suffices.
 pub fn manual() -> anyhow::Result<Vec<(String, String)>> {
-    let mut program = Cli::command();
+    // What 'help' says the pages say, which would refer to one of its own.
+    let mut program = Cli::command().disable_help_subcommand(true);
     program.build();
-    let verbs: Vec<clap::Command> = program
-        .get_subcommands()
-        .filter(|v| !v.is_hide_set() && v.get_name() != "help")
-        .cloned()
-        .collect();
-    let version = env!("CARGO_PKG_VERSION");
-    std::iter::once(program.clone())
-        .chain(verbs)
-        .map(|command| {
-            // Building has named a verb's page after the program and the verb.
-            let name = command.get_display_name().unwrap_or("edgecap");
-            let name = format!("{name}.1");
-            let mut page = Vec::new();
-            // Without a date: the same sources make the same bytes.
-            clap_mangen::Man::new(command)
-                .source(format!("edgecap {version}"))
-                .manual("edgecap")
-                .date("")
-                .render(&mut page)?;
-            Ok((name, String::from_utf8(page)?))
-        })
-        .collect()
+    let mut pages = Vec::new();
+    add_pages(&program, &mut pages)?;
+    Ok(pages)
+}
+
+/// Adds the page of a command, which is built, and those of what stands below it.
+fn add_pages(command: &Command, pages: &mut Vec<(String, String)>) -> anyhow::Result<()> {
+    // Building has named a verb's page after the program and the verb.
+    let name = command.get_display_name().unwrap_or("edgecap");
+    let mut page = Vec::new();
+    // Without a date: the same sources make the same bytes.
+    clap_mangen::Man::new(command.clone())
+        .source(format!("edgecap {}", env!("CARGO_PKG_VERSION")))
+        .manual("edgecap")
+        .date("")
+        .render(&mut page)?;
+    pages.push((format!("{name}.1"), String::from_utf8(page)?));
+    let mut verbs = command.get_subcommands().filter(|v| !v.is_hide_set());
+    verbs.try_for_each(|verb| add_pages(verb, pages))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_page_that_one_refers_to_is_there() {
+        let pages = manual().unwrap();
+        let mut named: Vec<String> = Vec::new();
+        for (_, text) in &pages {
+            let plain = text.replace("\\-", "-");
+            let words = plain.split(|c: char| !c.is_ascii_alphanumeric() && !"-()".contains(c));
+            let pages = words.filter_map(|word| word.strip_suffix("(1)"));
+            named.extend(pages.map(|name| format!("{name}.1")));
+        }
+        for page in ["edgecap-run.1", "edgecap-model-import.1"] {
+            assert!(named.iter().any(|n| n == page), "{page} in {named:?}");
+        }
+        let is_there = |name: &&String| pages.iter().any(|(page, _)| page == *name);
+        let missing: Vec<&String> = named.iter().filter(|n| !is_there(n)).collect();
+        assert!(missing.is_empty(), "{missing:?}");
+    }
 }

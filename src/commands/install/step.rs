@@ -1,10 +1,12 @@
 //! One file or one command.
 
-use std::fs::{self, Permissions};
+use std::fs::{self, File, Metadata, Permissions};
 use std::io::{self, ErrorKind, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+
+use rustix::process::geteuid;
 
 use super::below;
 use crate::commands::exit::Failure;
@@ -13,7 +15,8 @@ use crate::output::AtomicFile;
 /// What is to be done.
 #[derive(Debug, Clone)]
 pub enum Step {
-    /// A file with these bytes; one that the user may have changed is `kept` as it is.
+    /// A file with these bytes. One that the user may have changed is `kept`, and loses what permissions it has beyond
+    /// these.
     Write {
         /// Where.
         path: PathBuf,
@@ -127,7 +130,17 @@ impl Step {
     /// In words.
     pub fn describe(&self, root: Option<&Path>) -> String {
         match self {
-            Self::Write { path, mode, .. } => format!("{} ({mode:o})", below(root, path).display()),
+            Self::Write {
+                path, mode, kept, ..
+            } => {
+                let path = below(root, path);
+                let found = fs::symlink_metadata(&path).ok().filter(|_| *kept);
+                let mode = match &found {
+                    None => *mode,
+                    Some(found) => narrowed(found, *mode).unwrap_or_else(|| behind(&path, found)),
+                };
+                format!("{} ({mode:o})", path.display())
+            }
             Self::Remove { path, .. } | Self::Clear { path } => {
                 below(root, path).display().to_string()
             }
@@ -202,6 +215,14 @@ impl Step {
                     .and_then(|()| fs::set_permissions(&path, Permissions::from_mode(*mode)));
                 written.map_err(|e| Failure::output(&path, &e))?;
             }
+            Self::Write { path, mode, .. } if done == Done::Kept => {
+                if let Err(e) = narrow(&below(root, path), *mode) {
+                    return Ok(Done::Failed {
+                        why: format!("others may still read it: {e}"),
+                        loss: Loss::Nothing,
+                    });
+                }
+            }
             Self::Remove { path, .. } if done == Done::Removed => {
                 let path = below(root, path);
                 fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
@@ -230,6 +251,39 @@ impl Step {
             _ => {}
         }
         Ok(done)
+    }
+}
+
+/// The permissions that a kept file has without those beyond `wanted`; `None` of what this user must leave alone: a
+/// link, a folder, another user's.
+fn narrowed(found: &Metadata, wanted: u32) -> Option<u32> {
+    let is_own = found.is_file() && found.uid() == geteuid().as_raw();
+    is_own.then(|| found.mode() & wanted)
+}
+
+/// The permissions of what is found at `path`; of a link those of the file that it leads to.
+fn behind(path: &Path, found: &Metadata) -> u32 {
+    let file = fs::metadata(path);
+    file.as_ref().unwrap_or(found).mode() & 0o7777
+}
+
+/// Takes the permissions beyond `wanted` away from a kept file.
+fn narrow(path: &Path, wanted: u32) -> io::Result<()> {
+    let is_to_change = |found: &Metadata| {
+        narrowed(found, wanted).is_some_and(|mode| mode != found.mode() & 0o7777)
+    };
+    // A device or pipe is not opened.
+    if !is_to_change(&fs::symlink_metadata(path)?) {
+        return Ok(());
+    }
+    let mut options = File::options();
+    // Another may have the name by now: of what is open is decided.
+    let flags = libc::O_NOFOLLOW | libc::O_NONBLOCK;
+    let file = options.read(true).custom_flags(flags).open(path)?;
+    let found = file.metadata()?;
+    match narrowed(&found, wanted).filter(|_| is_to_change(&found)) {
+        Some(mode) => file.set_permissions(Permissions::from_mode(mode)),
+        None => Ok(()),
     }
 }
 

@@ -116,7 +116,7 @@ impl OneOfSeveral<'_> {
 fn passes(error: &anyhow::Error) -> bool {
     let by_sinks = matches!(
         error.downcast_ref(),
-        Some(SinkError::Write { .. } | SinkError::Lost { .. })
+        Some(SinkError::Create { .. } | SinkError::Write { .. } | SinkError::Lost { .. })
     );
     !by_sinks && exit::may_pass(exit::code(error))
 }

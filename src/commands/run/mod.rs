@@ -17,7 +17,8 @@ mod pulse;
 mod room;
 mod taken;
 
-use super::input;
+use super::exit::Failure;
+use super::input::{self, NamedInput};
 use super::result;
 use super::settings::{self, Effective, Settings};
 use super::stop::Stop;
@@ -36,10 +37,10 @@ pub fn run(args: RunArgs) -> anyhow::Result<()> {
     let settings = Settings::load(&args.settings)?;
     let effective = settings::effective(&args, &settings)?;
     effective.apart()?;
-    run_all(&effective, &stop).map_err(|e| effective.blamed(e))
+    run_all(&args, &effective, &stop).map_err(|e| effective.blamed(e))
 }
 
-fn run_all(effective: &Effective, stop: &Stop) -> anyhow::Result<()> {
+fn run_all(typed: &RunArgs, effective: &Effective, stop: &Stop) -> anyhow::Result<()> {
     let mut runs = effective.runs()?;
     let calibration = effective.calibration()?;
     if let Some(calibration) = calibration {
@@ -47,7 +48,7 @@ fn run_all(effective: &Effective, stop: &Stop) -> anyhow::Result<()> {
         return room::run(&runs, fitting, calibration, stop);
     }
     match runs.pop() {
-        Some(one) if runs.is_empty() => run_one(one, stop),
+        Some(one) if runs.is_empty() => run_one(one, typed, stop),
         last => {
             runs.extend(last);
             cameras::run(&runs, stop)
@@ -55,10 +56,11 @@ fn run_all(effective: &Effective, stop: &Stop) -> anyhow::Result<()> {
     }
 }
 
-fn run_one(mut args: RunArgs, stop: &Stop) -> anyhow::Result<()> {
+fn run_one(mut args: RunArgs, typed: &RunArgs, stop: &Stop) -> anyhow::Result<()> {
     let chosen = input::choose(&args.input)?;
     // What is wrong with it the user is told here, not by a child.
     args.pace.limits(&chosen, false)?;
+    expect_use(typed, &chosen)?;
     if chosen.is_live() {
         return cameras::run(&[args], stop);
     }
@@ -66,4 +68,28 @@ fn run_one(mut args: RunArgs, stop: &Stop) -> anyhow::Result<()> {
         args.record.jsonl = Some(result::place(&args.input, &chosen, "bodies"));
     }
     file::run(&args, &chosen, stop)
+}
+
+/// Refuses what was typed and means nothing for this input. Settings are of all inputs that a user has.
+///
+/// # Errors
+/// Exit code 64; 69 where a camera is wanted and there is none.
+fn expect_use(typed: &RunArgs, chosen: &NamedInput) -> Result<(), Failure> {
+    if typed.no_wait && chosen.stands_in {
+        return Err(Failure::unavailable(
+            "--no-wait: expected a camera, found none on this machine; plug one in, or leave --no-wait out for the bundled clip",
+        ));
+    }
+    let is_file = !chosen.is_live();
+    if typed.metrics.address.is_some() && is_file {
+        return Err(Failure::usage(
+            "--metrics serves figures of cameras: expected a camera or --live, found a film, photos or a pipe, which have none; leave it out",
+        ));
+    }
+    if typed.fitting.rate.is_some() && is_file {
+        return Err(Failure::usage(
+            "--rate publishes bodies between the frames of a camera: expected a camera or --live, found a film, photos or a pipe, whose own frames are published; leave it out",
+        ));
+    }
+    Ok(())
 }

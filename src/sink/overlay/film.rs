@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::real_time::{RealTime, Taken};
 use crate::capture::{AviWriter, Frame, Rate};
 use crate::counted::counted;
-use crate::output::{AtomicFile, suffixed};
+use crate::output::{AtomicFile, is_full, suffixed};
 use crate::sink::SinkError;
 
 /// Fine enough that lines of skeletons stay sharp.
@@ -82,9 +82,7 @@ impl Film {
             self.size = None;
         }
         let written = match self.append(picture) {
-            Err(e) if e.kind() == io::ErrorKind::FileTooLarge => {
-                self.next_part().and_then(|()| self.append(picture))
-            }
+            Err(e) if is_full(&e) => self.next_part().and_then(|()| self.append(picture)),
             other => other,
         };
         written.map_err(|e| self.failed(e))?;
@@ -100,7 +98,7 @@ impl Film {
             match film.repeat() {
                 Ok(()) => self.written += 1,
                 // The next file begins with the picture.
-                Err(e) if e.kind() == io::ErrorKind::FileTooLarge => break,
+                Err(e) if is_full(&e) => break,
                 Err(e) => return Err(e),
             }
         }
