@@ -7,8 +7,9 @@ use crate::capture::Frame;
 
 /// Looks per second that are enough; fewer lose quick movements.
 pub const ENOUGH: f32 = 15.0;
-/// Looks that take longer than this are too far apart for people to be followed from one to the next, seconds.
-const LONGEST: f32 = 0.1;
+/// Looks that take longer than this are too far apart for people to be followed from one to the next, seconds; those
+/// that take no more than [`ROOM`] of it are near enough to begin with.
+const LONGEST: f32 = 0.125;
 /// Part of the time from picture to picture that a look may then take.
 const ROOM: f32 = 0.8;
 /// Cameras that take hardly more pictures than are enough, as share of those, have none between looks.
@@ -67,9 +68,13 @@ impl Spacing {
     pub fn looked(&mut self, now: u64, seconds: f32) -> Option<bool> {
         self.look.take(seconds);
         let (look, period) = (self.look.value, self.period());
-        let room = if self.follows { ROOM } else { 1.0 };
+        // What holds stays until there is more to say against it.
+        let (room, longest) = match self.follows {
+            true => (ROOM, LONGEST),
+            false => (1.0, ROOM * LONGEST),
+        };
         let is_fast = self.period.count > 0 && period * MORE * ENOUGH < 1.0;
-        let wanted = is_fast && (room * period..LONGEST).contains(&look);
+        let wanted = is_fast && (room * period..longest).contains(&look);
         if wanted == self.follows {
             self.wish.forget();
             return None;
@@ -231,6 +236,16 @@ mod tests {
         assert_eq!((changes, camera.spacing.apart()), (1, None));
         let (came, looks, _) = camera.play(60, 0.02);
         assert_eq!((came, looks), (30.0, 30.0));
+    }
+
+    #[test]
+    fn looks_near_the_longest_do_not_swing() {
+        let mut camera = Camera::new(30, 0);
+        assert_eq!(camera.play(5, 0.095).2, 1);
+        assert_eq!(camera.play(60, 0.11).2, 0);
+        assert_eq!(camera.play(60, 0.15).2, 1);
+        assert_eq!(camera.play(60, 0.11).2, 0);
+        assert_eq!(camera.spacing.apart(), None);
     }
 
     #[test]

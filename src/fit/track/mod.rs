@@ -52,9 +52,9 @@ const LIMB_STUCK: f64 = 14.0;
 /// anew.
 const REACQUIRE_AFTER: f64 = 0.25;
 const REACQUIRE_APART: f64 = 0.2;
-/// Where a prediction reaches farther than so many seconds beyond the last sight, or swings knees and ankles by more
-/// than so many metres on average within that, what is seen tells left from right better: in a fifth of a second the
-/// legs of a runner pass each other.
+/// What is seen tells left from right better than the prediction does where nobody was seen for longer than this,
+/// seconds, or where pictures are farther apart and knees and ankles are predicted to swing by more than this on
+/// average, metres: in a fifth of a second the legs of a runner pass each other.
 const SIDES_TOLD: f64 = 0.15;
 const MOST_SWING: f64 = 0.25;
 const KNEES: [usize; 2] = [9, 12];
