@@ -23,6 +23,7 @@ from unittest import mock
 from writer import Writer, edgecap, frame
 
 from edgecap.ring import Ring, open_in
+from edgecap.wake import Wake
 
 CLIENT = pathlib.Path(__file__).parents[1]
 REPOSITORY = CLIENT.parents[1]
@@ -72,30 +73,27 @@ class Streams(InPlace):
         self.assertIsInstance(failed.exception, TimeoutError)
 
     def test_a_short_wait_for_a_silent_publisher_is_short(self) -> None:
-        writer = Writer(self.folder)
-        with edgecap.bodies() as stream:
-            took = []
-            for _ in range(10):
-                begin = time.monotonic()
-                self.assertIsNone(stream.next(0.001))
-                took.append(time.monotonic() - begin)
+        writer, waited = Writer(self.folder), []
+        # By the rule, not by the clock: a busy machine may give the processor late.
+        with edgecap.bodies() as stream, mock.patch.object(Wake, "wait", lambda _, timeout_s: waited.append(timeout_s)):
+            self.assertIsNone(stream.next(0.001))
         writer.close()
-        # The shortest: any of them may have waited for the processor.
-        self.assertLess(min(took), 0.1)
+        self.assertGreater(len(waited), 0)
+        self.assertLessEqual(max(waited), 0.001)
 
+    @mock.patch("edgecap.stream._LOOK_EVERY_S", 3600)
     def test_a_message_wakes_who_waits_for_it(self) -> None:
-        writer, took = Writer(self.folder), []
+        writer = Writer(self.folder)
         with edgecap.bodies() as stream:
             for n in range(10):
                 thread = threading.Timer(0.01, writer.publish, (frame(n),))
                 thread.start()
                 begin = time.monotonic()
-                self.assertEqual(stream.next(5).sequence, n)
-                took.append(time.monotonic() - begin)
+                self.assertEqual(stream.next(120).sequence, n)
+                # Who is not woken finds it when the wait is over.
+                self.assertLess(time.monotonic() - begin, 60)
                 thread.join()
         writer.close()
-        # Who is not woken looks every 0.2 s.
-        self.assertLess(min(took), 0.1)
 
     def test_an_error_names_the_cameras_that_there_are(self) -> None:
         writer = Writer(self.folder, "door")
@@ -264,10 +262,12 @@ class Streams(InPlace):
                 stream.close()
                 writer.close()
 
+    @mock.patch("edgecap.stream._SILENT_FOR_S", 3600)
+    @mock.patch("edgecap.stream._LOOK_EVERY_S", 3600)
     def test_closing_in_another_thread_ends_a_loop_at_once(self) -> None:
         writer = Writer(self.folder)
-        took = []
-        for _ in range(5):
+        # Closed at once it may not wait yet, after a while it does.
+        for pause_s in (0, 0.02, 0.2):
             stream, ended = edgecap.bodies(), []
             writer.publish(frame(1))
             began = threading.Event()
@@ -280,17 +280,14 @@ class Streams(InPlace):
                 except Exception as e:
                     ended.append(repr(e))
 
-            thread = threading.Thread(target=loop)
+            thread = threading.Thread(target=loop, daemon=True)
             thread.start()
             self.assertTrue(began.wait(30))
-            time.sleep(0.02)
-            begin = time.monotonic()
+            time.sleep(pause_s)
             stream.close()
+            # Who is not woken looks in an hour.
             thread.join(30)
-            took.append(time.monotonic() - begin)
             self.assertEqual(ended, ["cleanly"])
-        # Who is not woken looks every 0.2 s.
-        self.assertLess(min(took), 0.1)
         writer.close()
 
     def test_closing_ends_a_wait_for_a_run_and_a_loop_from_within(self) -> None:
@@ -487,25 +484,25 @@ class Streams(InPlace):
     def test_an_event_loop_reads_as_the_page_says(self) -> None:
         page = (CLIENT / "README.md").read_text()
         [example] = re.findall(r"```python\n(import asyncio\n.+?)```", page, re.S)
+        # It looks every second: who is not woken would wait for a minute.
+        patient = example.replace("came.wait(), 1)", "came.wait(), 60)")
+        self.assertNotEqual(patient, example)
         writer = Writer(self.folder)
         env = os.environ | {"PYTHONPATH": str(CLIENT), "PYTHONUNBUFFERED": "1"}
-        child = subprocess.Popen([sys.executable, "-c", example], env=env, stdout=subprocess.PIPE, text=True)
+        child = subprocess.Popen([sys.executable, "-c", patient], env=env, stdout=subprocess.PIPE, text=True)
         assert child.stdout
         self.addCleanup(child.stdout.close)
         # It begins with the newest frame: one is there before it comes.
         writer.publish(frame(7))
         self.assertIn("sequence=7", child.stdout.readline())
-        took = []
         for n in range(8, 18):
             writer.publish(frame(n))
             begin = time.monotonic()
             self.assertIn(f"sequence={n}", child.stdout.readline())
-            took.append(time.monotonic() - begin)
+            self.assertLess(time.monotonic() - begin, 30)
         child.kill()
         child.wait()
         writer.close()
-        # Who is not woken looks every second.
-        self.assertLess(min(took), 0.5)
 
     def test_messages_of_another_version_are_refused(self) -> None:
         writer = Writer(self.folder, version=3)
