@@ -18,6 +18,7 @@ use crate::fit::publish::Header;
 use crate::fit::publish::write_body;
 use crate::fit::scene::FloorEstimate;
 use crate::fit::scene::FloorPlane;
+use crate::fit::scene::Lean;
 use crate::fit::scene::SteadyFloor;
 use crate::fit::scene::assumed;
 use crate::fit::track::{Context, KnownJoint, Track};
@@ -38,6 +39,8 @@ const NEWCOMER: f64 = 0.5;
 const WAIT_FOR_LOOKS: f64 = 2.0;
 /// Seconds for which somebody is looked at before their looks are known.
 const LEARNS: f64 = 2.0;
+/// How far a floor of the settings may be off, radians: who measures it is wrong by some degrees.
+const GIVEN_ERROR: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
 
@@ -88,6 +91,7 @@ pub struct Fitter {
     header: Option<Header>,
     feet: FloorEstimate,
     floor: SteadyFloor,
+    lean: Lean,
     since_feet: f64,
     /// Seconds that the machine slept since the newest frame.
     slept: f64,
@@ -121,6 +125,7 @@ impl Fitter {
             header: None,
             feet: FloorEstimate::default(),
             floor: SteadyFloor::default(),
+            lean: Lean::default(),
             since_feet: 0.0,
             slept: 0.0,
             interval: None,
@@ -147,6 +152,36 @@ impl Fitter {
                 normal: floor.ground.normal,
                 offset: floor.ground.offset * assumed(&self.config) / CANONICAL_STATURE as f64,
             }),
+        }
+    }
+
+    /// The floor of the settings.
+    fn given(&self) -> Option<FloorPlane> {
+        self.config
+            .ground
+            .as_ref()
+            .and_then(FloorPlane::from_config)
+    }
+
+    /// Takes from everybody the lean that all seem to have, where a floor tells what is upright.
+    fn set_upright(&mut self, seen: &mut [PersonEvidence], dt: f64) {
+        let given = self.given();
+        let Some(up) = self.floor.ground(given).map(|ground| ground.normal) else {
+            return;
+        };
+        let error = match (given, self.feet.floor()) {
+            (Some(_), _) => GIVEN_ERROR,
+            // The world follows what is found slowly.
+            (None, Some(found)) => found.pitch_error + found.ground.normal.angle_between(up),
+            // Lost: the camera was moved.
+            (None, None) => f64::INFINITY,
+        };
+        let people = seen.iter().map(|(evidence, _)| evidence);
+        let people: Vec<&Evidence> = people.filter(|_| error.is_finite()).collect();
+        let watched = !self.present.is_empty();
+        self.lean.look(&people, up, error, dt, watched);
+        for (evidence, _) in seen {
+            self.lean.take_from(evidence, up);
         }
     }
 
@@ -224,7 +259,7 @@ impl Fitter {
         }
         self.header = Some(header);
         let camera = header.intrinsics;
-        let seen: Vec<PersonEvidence> = frame
+        let mut seen: Vec<PersonEvidence> = frame
             .people()
             .iter()
             .filter_map(|person| {
@@ -232,6 +267,7 @@ impl Fitter {
                 Some((evidence, Appearance::new(person)))
             })
             .collect();
+        self.set_upright(&mut seen, dt);
         let matches = self.match_people(&seen, dt);
         self.advance(&seen, &matches, dt);
         self.start_people(&seen, &matches);
@@ -321,6 +357,7 @@ impl Fitter {
     fn forget_floor(&mut self) {
         self.feet = FloorEstimate::default();
         self.floor.forget();
+        self.lean = Lean::default();
         self.since_feet = 0.0;
     }
 
@@ -576,12 +613,7 @@ impl Fitter {
         known.sort_by_key(|t| t.id);
         header.write(pose_ns, out);
         out.count = known.len() as u32;
-        let given = self
-            .config
-            .ground
-            .as_ref()
-            .and_then(FloorPlane::from_config);
-        out.world = self.floor.world(given);
+        out.world = self.floor.world(self.given());
         for (body, track) in out.bodies.iter_mut().zip(&known) {
             write_body(
                 track,
@@ -625,8 +657,12 @@ fn remember_looks(track: &mut Track, looks: &Appearance, alone: bool, dt: f64, r
     track.looked_at += dt;
     let share = match &track.appearance {
         None => 1.0,
-        // Of frames seen, not of looks: somebody whose looks come late is known by the first ones.
-        Some(_) if is_new && alone => 1.0 / (track.hits + 1) as f32,
+        // Of frames seen, not of looks: somebody whose looks come late is known by the first ones. Of somebody who came
+        // back what was seen before counts, too.
+        Some(_) if is_new && alone => {
+            let of_time = (dt / track.looked_at) as f32;
+            of_time.min(1.0 / (track.hits + 1) as f32)
+        }
         Some(_) if track.appearance_age > refresh && alone => 0.5,
         Some(_) => return,
     };

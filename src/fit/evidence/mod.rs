@@ -8,10 +8,10 @@ mod trust;
 
 pub use exchange::SwapMemory;
 pub use one_euro::OneEuro;
-pub use root::place;
+pub use root::{disagreement, place};
 pub use trust::Trust;
 
-use glam::{DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 
 use crate::body::skeleton::Posed;
 use crate::camera::translation::DEPTHS;
@@ -88,6 +88,16 @@ impl Evidence {
         }
         evidence.root = place(&evidence, None);
         Some(evidence)
+    }
+
+    /// Turns the joints in space about the pelvis, and finds the place anew.
+    pub fn turn(&mut self, rotation: DQuat) {
+        if self.known3d {
+            for point in &mut self.points3d {
+                *point = rotation * *point;
+            }
+            self.root = place(self, None);
+        }
     }
 
     /// Number of joints seen.

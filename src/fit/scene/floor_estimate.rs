@@ -7,6 +7,12 @@
 //! (Laird and Ware 1982), from which the intercepts are eliminated in closed form. One camera cannot tell a room from
 //! its model, so the sizes of all together rest on how tall people are: most of them adults, about as tall as assumed,
 //! some children.
+//!
+//! How far away a foot is is known to some percent only, where it is in the picture much better. Such errors move feet
+//! along their rays, and a floor through them is more level than the true one. At most they are so large that slopes
+//! are those of `most` (least squares with errors in variables); how much of that is true is what the places of feet in
+//! the picture say, as instruments that have no such errors. These alone would not do: heights that are wrong, as of
+//! feet after the camera was moved, tilt a floor by tens of degrees.
 
 use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
@@ -23,6 +29,8 @@ const LASTING: f64 = 0.05;
 /// Cameras stand nearly upright: spread of the floor's slope across (roll) and along (pitch) the view.
 const ROLL: f64 = 0.05;
 const PITCH: f64 = 0.4;
+/// Greatest error of a foot's distance along its ray, as a share.
+const ALONG: f64 = 0.03;
 /// Feet that must have stood somewhere, and their spread in depth (metres), before a floor is believed.
 const ENOUGH: f64 = 40.0;
 const SPREAD: f64 = 0.25;
@@ -47,15 +55,49 @@ const PLACES: usize = 4;
 /// Rounds in which people who are no taller or smaller than others tell more about slopes than who is.
 const ROUNDS: usize = 4;
 
-/// Sums over the feet of one person: products of (x, z, 1) with themselves and with y.
+/// Sums over the feet of one person: products of (x, z, 1) with themselves and with y, and of their places in the
+/// picture, (x/z, y/z, 1), with themselves, with (x, z, 1) and with y.
 #[derive(Debug, Clone)]
 struct Stander {
     id: u32,
     xx: Matrix3<f64>,
     xy: Vector3<f64>,
+    seen: Matrix3<f64>,
+    seen_x: Matrix3<f64>,
+    seen_y: Vector3<f64>,
 }
 
 impl Stander {
+    fn new(id: u32) -> Self {
+        let (none, zero) = (Matrix3::zeros(), Vector3::zeros());
+        Self {
+            id,
+            xx: none,
+            xy: zero,
+            seen: none,
+            seen_x: none,
+            seen_y: zero,
+        }
+    }
+
+    fn add(&mut self, foot: DVec3, weight: f64) {
+        let at = Vector3::new(foot.x, foot.z, 1.0);
+        let seen = Vector3::new(foot.x / foot.z, foot.y / foot.z, 1.0);
+        self.xx += weight * at * at.transpose();
+        self.xy += weight * at * foot.y;
+        self.seen += weight * seen * seen.transpose();
+        self.seen_x += weight * seen * at.transpose();
+        self.seen_y += weight * seen * foot.y;
+    }
+
+    fn fade(&mut self, left: f64) {
+        for sum in [&mut self.xx, &mut self.seen, &mut self.seen_x] {
+            *sum *= left;
+        }
+        self.xy *= left;
+        self.seen_y *= left;
+    }
+
     fn count(&self) -> f64 {
         self.xx[(2, 2)]
     }
@@ -101,6 +143,8 @@ pub struct Floor {
     statures: Vec<(u32, f64)>,
     /// Slopes and common intercept.
     plane: Vector3<f64>,
+    /// Standard error of the slope along the view, radians.
+    pub pitch_error: f64,
 }
 
 impl Floor {
@@ -141,7 +185,6 @@ impl FloorEstimate {
             return;
         }
         let weight = self.weight(id, foot);
-        let row = Vector3::new(foot.x, foot.z, 1.0);
         let known = self.standers.iter().position(|s| s.id == id);
         if let Some(floor) = &self.found
             && !floor.bears(foot, known.map(|k| &self.standers[k]))
@@ -157,16 +200,8 @@ impl FloorEstimate {
         }
         self.against = (self.against - weight).max(0.0);
         self.fade((MEMORY / (self.count() + weight)).min(1.0));
-        let mut own = known.map_or_else(
-            || Stander {
-                id,
-                xx: Matrix3::zeros(),
-                xy: Vector3::zeros(),
-            },
-            |k| self.standers.remove(k),
-        );
-        own.xx += weight * row * row.transpose();
-        own.xy += weight * row * foot.y;
+        let mut own = known.map_or_else(|| Stander::new(id), |k| self.standers.remove(k));
+        own.add(foot, weight);
         self.standers.push(own);
         self.standers.retain(|s| s.count() > FORGOTTEN);
         if self.standers.len() > PEOPLE {
@@ -205,8 +240,7 @@ impl FloorEstimate {
 
     fn fade(&mut self, left: f64) {
         for s in &mut self.standers {
-            s.xx *= left;
-            s.xy *= left;
+            s.fade(left);
         }
     }
 
@@ -234,17 +268,13 @@ impl FloorEstimate {
         let mut variances = vec![(ADULTS * level).powi(2) + LASTING.powi(2); self.standers.len()];
         let mut plane = Vector3::zeros();
         let mut errors = Vec::new();
+        let mut pitch_error = PITCH;
         for _ in 0..ROUNDS {
-            let normal = self.normal_matrix(&variances);
-            let right: Vector3<f64> = self
-                .standers
-                .iter()
-                .zip(&variances)
-                .map(|(s, v)| s.xy - s.xx.column(2) * (s.xy.z / (s.count() + SIGMA * SIGMA / v)))
-                .sum();
+            let (normal, right) = self.equations(&variances, 0.0);
             let solver = normal.cholesky()?;
-            plane = solver.solve(&right);
+            plane = self.without_errors_along(solver.solve(&right), &variances);
             let covariance = solver.inverse() * (SIGMA * SIGMA);
+            pitch_error = covariance[(1, 1)].sqrt() / (1.0 + plane.y * plane.y);
             // Of an intercept: by the feet, and by slopes over the distance from where most of them stood.
             errors.clear();
             errors.extend(self.standers.iter().map(|s| {
@@ -286,20 +316,67 @@ impl FloorEstimate {
             ground,
             statures,
             plane,
+            pitch_error,
         })
     }
 
-    /// Of slopes and common intercept, everybody's own intercept with its variance being eliminated.
-    fn normal_matrix(&self, variances: &[f64]) -> Matrix3<f64> {
-        let mut sum = Matrix3::zeros();
-        sum[(0, 0)] = (SIGMA / ROLL).powi(2);
-        sum[(1, 1)] = (SIGMA / PITCH).powi(2);
+    /// Normal equations of slopes and common intercept, everybody's own intercept with its variance being eliminated,
+    /// and of squares and products of distances what is there by an `error` of them along the rays, a share.
+    fn equations(&self, variances: &[f64], error: f64) -> (Matrix3<f64>, Vector3<f64>) {
+        let share = 1.0 / (1.0 + error * error);
+        let (mut normal, mut right) = (prior(), Vector3::zeros());
         for (s, v) in self.standers.iter().zip(variances) {
-            let u = s.xx.column(2);
-            sum += s.xx - u * u.transpose() / (s.count() + SIGMA * SIGMA / v);
+            let u = s.xx.column(2) / (s.count() + SIGMA * SIGMA / v);
+            let mut xx = s.xx;
+            xx.fixed_view_mut::<2, 2>(0, 0).scale_mut(share);
+            normal += xx - u * s.xx.row(2);
+            right += Vector3::new(share, share, 1.0).component_mul(&s.xy) - u * s.xy.z;
         }
-        sum
+        (normal, right)
     }
+
+    /// Slopes and common intercept by the places of feet in the picture (two-stage least squares), everybody's own
+    /// intercept being eliminated as in [`equations`](Self::equations).
+    fn by_places_seen(&self, variances: &[f64]) -> Option<Vector3<f64>> {
+        let (mut seen, mut seen_x, mut seen_y) =
+            (Matrix3::zeros(), Matrix3::zeros(), Vector3::zeros());
+        for (s, v) in self.standers.iter().zip(variances) {
+            let u = s.seen.column(2) / (s.count() + SIGMA * SIGMA / v);
+            seen += s.seen - u * s.seen.row(2);
+            seen_x += s.seen_x - u * s.seen_x.row(2);
+            seen_y += s.seen_y - u * s.seen_y.z;
+        }
+        // Whoever stands in one place of the picture is no instrument.
+        let least = 1e-6 * self.count();
+        seen += Matrix3::from_diagonal(&Vector3::new(least, least, 0.0));
+        let explained: Matrix3<f64> = seen.cholesky()?.solve(&seen_x);
+        let normal = explained.transpose() * seen_x + prior();
+        Some(normal.cholesky()?.solve(&(explained.transpose() * seen_y)))
+    }
+
+    /// A floor found by least squares, rid of as much of the greatest error along the rays as places in the picture
+    /// say.
+    fn without_errors_along(&self, found: Vector3<f64>, variances: &[f64]) -> Vector3<f64> {
+        let (normal, right) = self.equations(variances, ALONG);
+        let most = normal.cholesky().map(|solver| solver.solve(&right));
+        let (Some(most), Some(told)) = (most, self.by_places_seen(variances)) else {
+            return found;
+        };
+        let (apart, part) = (most.y - found.y, told.y - found.y);
+        if apart.abs() < 1e-9 {
+            return found;
+        }
+        found + (most - found) * (part / apart).clamp(0.0, 1.0)
+    }
+}
+
+/// What is known of slopes beforehand.
+fn prior() -> Matrix3<f64> {
+    Matrix3::from_diagonal(&Vector3::new(
+        (SIGMA / ROLL).powi(2),
+        (SIGMA / PITCH).powi(2),
+        0.0,
+    ))
 }
 
 /// The lower of somebody's ankles; `down`: unit vector towards the floor.
@@ -406,6 +483,72 @@ mod tests {
             assert!(
                 tilt < 0.25 && height < 0.05,
                 "{pitch}°: {tilt}°, {height} m"
+            );
+        }
+    }
+
+    #[test]
+    fn errors_along_the_view_do_not_make_the_floor_more_level() {
+        let mut estimate = FloorEstimate::default();
+        for i in 0..3000u32 {
+            for id in 1..=3u32 {
+                // Here and there, and taken for nearer or farther than they are, by 3 %.
+                let k = i + 17 * id;
+                let random = f64::from(k.wrapping_mul(2_654_435_761) >> 16) / 65536.0 - 0.5;
+                let (x, z) = (f64::from(k % 7) - 3.0, 4.0 + 0.1 * f64::from(k % 9));
+                let foot = ankle(1.0, x, z, 0.0) + ANKLE_HEIGHT * DVec3::Y;
+                let ankle = foot * (1.0 + 0.104 * random) - ANKLE_HEIGHT * DVec3::Y;
+                estimate.add(id, ankle);
+            }
+            estimate.update();
+        }
+        let ground = estimate.floor().expect("a floor").ground;
+        let pitch = |normal: DVec3| (-normal.z).asin().to_degrees();
+        let (found, is) = (pitch(ground.normal), pitch(truth().normal));
+        assert!((found - is).abs() < 1.0, "{found}°, {is}° in truth");
+    }
+
+    #[test]
+    fn a_child_in_front_of_an_adult_does_not_tilt_the_floor() {
+        for (near, far) in [(0.7, 1.0), (1.0, 0.7), (1.05, 0.95)] {
+            let mut estimate = FloorEstimate::default();
+            for i in 0..600u32 {
+                let along = 0.25 * f64::from(i % 7);
+                let across = f64::from(i % 5) - 2.0;
+                estimate.add(1, ankle(near, across, 3.0 + along, 0.0));
+                estimate.add(2, ankle(far, -across, 4.0 + along, 0.0));
+                estimate.update();
+            }
+            let (tilt, height) = off(&estimate);
+            assert!(
+                tilt < 1.5 && height < 0.25,
+                "{near} before {far}: {tilt}°, {height} m"
+            );
+        }
+    }
+
+    #[test]
+    fn a_camera_that_was_tilted_finds_its_new_floor_and_none_that_is_far_steeper() {
+        for degrees in [-8.0f64, 8.0] {
+            let mut estimate = walked(&[(1, 1.0), (2, 1.05)], 300);
+            let tilted = FloorPlane {
+                normal: DQuat::from_rotation_x(-degrees.to_radians()) * truth().normal,
+                offset: truth().offset,
+            };
+            let mut steepest = 0.0f64;
+            for i in 0..3000u32 {
+                let (x, z) = (f64::from(i % 7) - 3.0, 3.0 + 0.5 * f64::from(i % 9));
+                estimate.add(1 + i % 2, ankle_on(tilted, 1.0, x, z, 0.0));
+                estimate.update();
+                if let Some(floor) = estimate.floor() {
+                    steepest = steepest.max((-floor.ground.normal.z).asin().to_degrees());
+                }
+            }
+            let ground = estimate.floor().expect("a floor").ground;
+            let tilt = ground.normal.angle_between(tilted.normal).to_degrees();
+            assert!(
+                tilt < 1.0 && steepest < 20.0 + degrees.max(0.0) + 6.0,
+                "{degrees}°: {tilt}° off, {steepest}° at most"
             );
         }
     }

@@ -44,12 +44,19 @@ impl SteadyFloor {
         self.floor = None;
     }
 
+    /// The given floor, else the one found so far.
+    pub fn ground(&self, given: Option<FloorPlane>) -> Option<FloorPlane> {
+        given.or(self.floor)
+    }
+
     /// The world on the given floor, else on the one found so far.
     pub fn world(&self, given: Option<FloorPlane>) -> World {
-        let (ground, state) = match (given, self.floor) {
-            (Some(ground), _) => (ground, WorldState::GIVEN),
-            (None, Some(ground)) => (ground, WorldState::ESTIMATED),
-            (None, None) => return World::default(),
+        let Some(ground) = self.ground(given) else {
+            return World::default();
+        };
+        let state = match given {
+            Some(_) => WorldState::GIVEN,
+            None => WorldState::ESTIMATED,
         };
         let (rotation, translation) = ground.world_from_camera();
         World {

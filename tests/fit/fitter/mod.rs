@@ -3,6 +3,7 @@
 mod accuracy;
 mod damage;
 mod identities;
+mod lean;
 mod looks;
 mod memory;
 mod movement;
