@@ -40,7 +40,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         "calibrate",
         &["board", "body", "camera", "multiview", "solve"],
     ),
-    ("record", &["output"]),
+    ("record", &["camera", "output"]),
     (
         "sink",
         &[

@@ -7,6 +7,7 @@ mod clock;
 mod distortion;
 mod error;
 mod file;
+mod lifted;
 pub mod translation;
 mod view;
 
@@ -15,4 +16,5 @@ pub use distortion::Brown;
 pub use error::CameraError;
 pub(crate) use error::is_nowhere;
 pub use file::{CameraFile, DEFAULT_FOV};
+pub use lifted::{anchor, to_lens, turn_to_ray};
 pub use view::View;

@@ -1,56 +1,31 @@
 //! Joints that Stage II lifted by another lens than a view's go in, in the view's own camera axes they come out.
-//!
-//! Stage II speaks in axes along the ray through a person's neck. Whoever published its joints turned them by the lens
-//! that was known there, often that of a usual webcam; a calibration has the ray of the same pixel elsewhere.
 
-use glam::{DQuat, DVec2, DVec3};
+use glam::DVec3;
 
-use crate::camera::View;
-use crate::joints::NECK;
+use crate::camera::{View, anchor, turn_to_ray};
 use crate::message::{Intrinsics, Observation};
 
-/// Turns everybody's `joints3d` from camera axes by the pinhole `lens` to those by the view's lens. Whoever is nowhere
-/// in the picture, or only where the view's lens shows nothing, stays as they are.
+/// Turns everybody's `joints3d` from camera axes by the pinhole `lens` to those by the view's lens; a calibration has
+/// the ray of the same pixel elsewhere. Whoever is nowhere in the picture, or only where the view's lens shows nothing,
+/// stays as they are.
 pub fn to_view(view: &View, lens: &Intrinsics, people: &mut [Observation]) {
     for seen in people {
-        let Some(pixel) = anchor(view, seen) else {
+        // Where the lens shows nothing a joint has no ray.
+        let Some(pixel) = anchor(seen, |pixel| view.shown(pixel).is_some()) else {
             continue;
         };
         let told = DVec3::from(lens.ray(pixel.x as f32, pixel.y as f32).map(f64::from));
-        let own = view.plane(pixel).extend(1.0).normalize();
-        if !(told.is_finite() && own.is_finite()) {
-            continue;
-        }
-        let [back, forth] = [told, own].map(|ray| DQuat::from_rotation_arc(DVec3::Z, ray));
-        let turn = forth * back.inverse();
-        for point in &mut seen.joints3d {
-            *point = (turn * DVec3::from(point.map(f64::from)))
-                .as_vec3()
-                .to_array();
-        }
+        turn_to_ray(seen, told, view.plane(pixel).extend(1.0));
     }
-}
-
-/// The pixel by whose ray Stage II's axes are turned: the neck's, or the mean of the joints that were seen. Joints
-/// where the lens shows nothing have no ray and do not count.
-fn anchor(view: &View, seen: &Observation) -> Option<DVec2> {
-    let at = |[u, v, confidence]: [f32; 3]| {
-        let pixel = DVec2::new(u.into(), v.into());
-        (confidence > 0.0 && view.shown(pixel).is_some()).then_some(pixel)
-    };
-    at(seen.joints2d[NECK]).or_else(|| {
-        let known: Vec<DVec2> = seen.joints2d.into_iter().filter_map(at).collect();
-        (!known.is_empty()).then(|| known.iter().sum::<DVec2>() / known.len() as f64)
-    })
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat3;
+    use glam::{DMat3, DQuat, DVec2};
 
     use super::*;
     use crate::camera::Brown;
-    use crate::joints::BODY_JOINTS;
+    use crate::joints::{BODY_JOINTS, NECK};
 
     /// A webcam of 90 degrees with a lens that distorts.
     fn wide() -> View {

@@ -1,13 +1,14 @@
 //! Which camera a recorded frame was seen by.
 
 use super::rows::ObservationsRow;
-use crate::message::Intrinsics;
+use crate::camera::to_lens;
+use crate::message::{Intrinsics, ObservationFrame};
 
 /// Where the camera of a recorded frame comes from.
 #[derive(Clone, Copy)]
 pub enum CameraSource<'a> {
     /// This camera for every frame, whatever the file says: its intrinsics for a picture's width and height, or why
-    /// there are none.
+    /// there are none. Joints that were lifted by the file's are turned to this camera's axes.
     Given(&'a dyn Fn(u32, u32) -> Result<Intrinsics, String>),
     /// The file's `intrinsics`; where it has none, a centred camera with this horizontal field of view in degrees.
     Recorded {
@@ -38,5 +39,13 @@ impl CameraSource<'_> {
             "intrinsics with focal lengths {}, {} and principal point {}, {}",
             camera.fx, camera.fy, camera.cx, camera.cy
         ))
+    }
+
+    /// Turns everybody of a row's `frame` to the axes of its camera, which is another one than lifted them.
+    pub(super) fn turn(self, row: &ObservationsRow, frame: &mut ObservationFrame) {
+        if let (Self::Given(_), Some(told)) = (self, row.intrinsics) {
+            let (own, people) = (frame.intrinsics, frame.count as usize);
+            to_lens(&told.into(), &own, &mut frame.people[..people]);
+        }
     }
 }

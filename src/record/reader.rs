@@ -290,6 +290,7 @@ impl<'a, R: BufRead> ObservationReader<'a, R> {
         };
         let message = self.camera.of(&row).and_then(|camera| row.message(camera));
         *frame = message.map_err(|found| self.rows.bad(found))?;
+        self.camera.turn(&row, frame);
         self.source = row.source;
         Ok(true)
     }

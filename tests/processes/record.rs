@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use edgecap::camera::to_lens;
 use edgecap::message::{
     Body, BodyFrame, BodyState, Intrinsics, JointState, MAX_PEOPLE, Observation, ObservationFrame,
     StageTimes, World, WorldState,
@@ -428,6 +429,29 @@ fn lines_of_other_programs_may_leave_out_what_they_do_not_know() {
         assert!(reader.read(&mut frame).unwrap());
         assert_eq!(frame.intrinsics.fy, fy);
     }
+}
+
+#[test]
+fn another_lens_turns_what_the_recorded_one_lifted() {
+    let lens = r#""intrinsics": {"fx": 500, "fy": 500, "cx": 100, "cy": 240},"#;
+    let given = Intrinsics::from_horizontal_fov(640, 480, 90.0);
+    let read = |row: &str, camera| {
+        let mut frame = ObservationFrame::default();
+        let text = line("", row);
+        let mut reader = ObservationReader::new(text.as_bytes(), "o.jsonl", camera);
+        assert!(reader.read(&mut frame).unwrap());
+        frame
+    };
+    let for_frame = |_, _| Ok(given);
+    let own = CameraSource::Given(&for_frame);
+    let (told, turned) = (read(lens, FOV), read(lens, own));
+    let mut truth = told.people()[0];
+    to_lens(&told.intrinsics, &given, std::slice::from_mut(&mut truth));
+    assert_ne!(told.people()[0].joints3d, truth.joints3d);
+    assert_eq!(turned.people()[0].joints3d, truth.joints3d);
+    // Of what lifted joints without a lens nothing is known.
+    let (as_usual, as_told) = (read("", FOV), read("", own));
+    assert_eq!(as_told.people()[0].joints3d, as_usual.people()[0].joints3d);
 }
 
 #[test]
