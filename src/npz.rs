@@ -15,6 +15,8 @@ const MOST: usize = 2 << 30;
 const STRING: usize = size_of::<String>() + 32;
 /// Most bytes of an array's header. NumPy reads no longer ones, either.
 const LONGEST_HEADER: usize = 10_000;
+/// Most dimensions of an array, as many as NumPy's own: each costs time with every value.
+const MOST_DIMENSIONS: usize = 64;
 /// Most brackets within each other in a header. Its parser's time doubles with each, and its stack grows.
 const DEEPEST: usize = 8;
 /// Most characters of a file's own words in an error.
@@ -292,6 +294,13 @@ impl<R: Read + Seek> Archive<R> {
                 "pickled Python objects, which are programs and are not run; save it again as a plain array",
             ));
         }
+        let dimensions = header.shape().len();
+        if dimensions > MOST_DIMENSIONS {
+            return Err(NpzError::new(
+                format!("{array} to have at most {MOST_DIMENSIONS} dimensions"),
+                format!("{dimensions}; save it again with fewer"),
+            ));
+        }
         let shape: Option<Vec<usize>> = header
             .shape()
             .iter()
@@ -548,6 +557,19 @@ mod tests {
             (numbers.shape, numbers.data),
             (vec![100_000], vec![0.5; 100_000])
         );
+    }
+
+    #[test]
+    fn no_array_has_more_dimensions_than_those_of_numpy() {
+        let of = |dimensions: usize| {
+            let shape = vec!["1"; dimensions].join(", ");
+            let head = format!("{{'descr': '|u1', 'fortran_order': True, 'shape': ({shape}), }}");
+            read(&archive("deep", &npy(&head, &[7]))).numbers("deep")
+        };
+        assert_eq!(of(64).unwrap().unwrap().data, [7.0]);
+        let said = of(65).unwrap_err().to_string();
+        let words = "array 'deep' to have at most 64 dimensions, found 65";
+        assert!(said.contains(words) && said.len() < 240, "{said}");
     }
 
     /// Has room for so many bytes; how often more were written.

@@ -5,9 +5,11 @@
 
 mod device;
 mod folder;
+mod kept;
 mod left;
 mod link;
 mod made;
+mod mount;
 mod private;
 mod stump;
 mod suffix;
@@ -24,9 +26,11 @@ use rustix::io::Errno;
 use tempfile::NamedTempFile;
 
 pub use folder::AtomicFolder;
+pub use kept::kept_at;
 pub use left::sweep;
 pub use link::{is_stdout, steps as link_steps};
 pub use made::MadeFolders;
+pub use mount::is_read_only;
 pub use private::private_beside;
 pub use suffix::suffixed;
 pub use trial::try_place;
@@ -55,6 +59,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
 /// As there.
 pub fn write_passing(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::create(path)?.passing();
+    file.is_kept = false;
     file.write_all(bytes)?;
     file.finish()
 }
@@ -124,6 +129,8 @@ pub struct AtomicFile {
     failed: Option<io::Error>,
     /// Before the file has its name.
     bring: Bring,
+    /// Somebody wants it: where it cannot have its name, it stays under another.
+    is_kept: bool,
 }
 
 impl AtomicFile {
@@ -131,8 +138,8 @@ impl AtomicFile {
     /// bytes at once, as does standard output, whose name is `-`, and any other descriptor that is named.
     ///
     /// # Errors
-    /// If the folder cannot be made or written, if a link leads into a folder that is missing, or if nobody reads from
-    /// the pipe.
+    /// If the folder cannot be made or written, if a link leads into a folder that is missing, if what is there cannot
+    /// be replaced, or if nobody reads from the pipe.
     pub fn create(path: &Path) -> io::Result<Self> {
         if let Some(number) = link::descriptor(path) {
             let same = device::opened_before(number, path)?;
@@ -142,14 +149,16 @@ impl AtomicFile {
         if fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir()) {
             return Ok(Self::new(Place::Device(device::open(path)?), path));
         }
-        Self::replacing_links(path)
+        let mut this = Self::replacing_links(path)?;
+        this.is_kept = true;
+        Ok(this)
     }
 
     /// As [`create`](Self::create), for a name that nobody has given: a link of this name is replaced, so that what it
-    /// leads to stays, and so is a device or pipe.
+    /// leads to stays, and so is a device or pipe. A file that cannot have the name in the end goes.
     ///
     /// # Errors
-    /// If the folder cannot be made or written.
+    /// If the folder cannot be made or written, or what is there cannot be replaced.
     pub fn replacing_links(path: &Path) -> io::Result<Self> {
         let folder = parent(path);
         let made = MadeFolders::make(folder)?;
@@ -159,6 +168,7 @@ impl AtomicFile {
                 "it is a folder",
             ));
         }
+        mount::expect_replaceable(path)?;
         // Temporary files are private by default; results are as readable as any file the user makes, and not by more
         // than what they replace.
         let mode = fs::symlink_metadata(path).map_or(0o666, |there| (there.mode() | 0o600) & 0o666);
@@ -179,7 +189,7 @@ impl AtomicFile {
     /// written is there. An older file of that name that holds anything is set aside, and its new name returned.
     ///
     /// # Errors
-    /// If the disk is full, or a rename fails.
+    /// If the disk is full, or a rename fails; then it goes on without its name, and the older file keeps its own.
     pub fn appear(&mut self) -> io::Result<Option<PathBuf>> {
         match &mut self.writer {
             Some(writer) if matches!(writer.get_ref(), Place::Beside(_)) => writer.flush()?,
@@ -189,7 +199,17 @@ impl AtomicFile {
         let Some((Place::Beside(file), _)) = self.writer.take().map(BufWriter::into_parts) else {
             return Ok(older);
         };
-        let named = file.persist(&self.path).map_err(|e| e.error)?;
+        let named = match file.persist(&self.path) {
+            Ok(named) => named,
+            Err(refused) => {
+                self.writer = Some(BufWriter::new(Place::Beside(refused.file)));
+                if let Some(older) = &older {
+                    // Where that is refused, too, it lies under the other name.
+                    let _ = move_to_free(older, &self.path);
+                }
+                return Err(refused.error);
+            }
+        };
         // Where somebody empties it, what follows begins at its start, and not behind as many zeros as it was long.
         fcntl_setfl(&named, fcntl_getfl(&named)? | OFlags::APPEND)?;
         self.writer = Some(BufWriter::new(Place::Named(named)));
@@ -207,6 +227,7 @@ impl AtomicFile {
             is_broken: false,
             failed: None,
             bring: File::sync_all,
+            is_kept: false,
         }
     }
 
@@ -261,9 +282,9 @@ impl AtomicFile {
             || self.whole.iter().any(is_whole)
     }
 
-    /// After a failure: goes back to the last whole record of a file that has [appeared](Self::appear), so that writing
-    /// can be tried again. Whether there is anything to go on with: not where it has no name yet, or none any more,
-    /// because somebody has made room.
+    /// After a failure: goes back to the last whole record, so that writing can be tried again. Whether there is
+    /// anything to go on with: not where no record has found room before the file [appeared](Self::appear), nor where
+    /// somebody has removed it to make room.
     ///
     /// # Errors
     /// Those of the file.
@@ -275,20 +296,26 @@ impl AtomicFile {
         // The parts, so that nothing is written behind our back.
         let (place, _) = writer.into_parts();
         let writer = self.writer.insert(BufWriter::new(place));
-        match writer.get_mut() {
-            Place::Beside(_) => Ok(false),
+        let (file, path) = match writer.get_mut() {
             // What went into it is gone.
-            Place::Device(_) => Ok(true),
-            Place::Named(file) => {
-                let end = written_to(file)?;
-                let whole = self.whole.iter().rev().find(|w| **w <= end).copied();
-                let whole = whole.unwrap_or_default();
-                file.set_len(whole)?;
-                file.seek(SeekFrom::Start(whole))?;
-                self.taken = whole;
-                self.whole.retain(|w| *w <= whole);
-                Ok(file.metadata()?.nlink() > 0)
+            Place::Device(_) => return Ok(true),
+            Place::Named(file) => (file, None),
+            Place::Beside(file) => {
+                let path = file.path().to_owned();
+                (file.as_file_mut(), Some(path))
             }
+        };
+        let end = written_to(file)?;
+        let whole = self.whole.iter().rev().find(|w| **w <= end).copied();
+        let whole = whole.unwrap_or_default();
+        file.set_len(whole)?;
+        file.seek(SeekFrom::Start(whole))?;
+        self.taken = whole;
+        self.whole.retain(|w| *w <= whole);
+        match path {
+            None => Ok(file.metadata()?.nlink() > 0),
+            // Its name it can only get from the one that it has.
+            Some(path) => Ok(whole > 0 && is_in_place(file, &path, whole, true)?),
         }
     }
 
@@ -325,7 +352,7 @@ impl AtomicFile {
     /// was called, the file of a full disk has its name, too, and holds the whole records that found room.
     ///
     /// # Errors
-    /// If the disk is full or fails, or the rename does.
+    /// If the disk is full or fails, or the rename does: [`kept_at`] says where the file lies then.
     pub fn finish(self) -> io::Result<()> {
         self.finish_beside().map(drop)
     }
@@ -371,7 +398,17 @@ impl AtomicFile {
                 // What is wrong with the disk is said already.
                 let _ = bring(file.as_file());
             }
-            file.persist(&path).map_err(|e| e.error)?;
+            let named = match self.is_kept {
+                true => kept::named(file, &path),
+                false => file.persist(&path).map_err(|e| e.error),
+            };
+            if let Err(refused) = named {
+                return Err(match flushed {
+                    Ok(()) => refused,
+                    // What lies elsewhere is not whole.
+                    Err(why) => kept::because(why, &refused),
+                });
+            }
             self.made.keep();
             beside = Some(path).filter(|p| *p != self.path);
         }
@@ -454,12 +491,19 @@ fn copy(error: &io::Error) -> io::Error {
     }
 }
 
-/// The system's own words, without the name of a temporary file, which says nothing to the user.
-fn unnamed(error: io::Error) -> io::Error {
+/// The system's own error, without the name of a temporary file, which says nothing to the user. With that name it does
+/// not have its number, which is all that tells of some what they are.
+pub(crate) fn unnamed(error: io::Error) -> io::Error {
     let words = error.to_string();
-    match words.split_once(" at path ") {
-        Some((words, _)) => io::Error::new(error.kind(), words.to_owned()),
-        None => error,
+    let Some((words, _)) = words.split_once(" at path ") else {
+        return error;
+    };
+    let number = words
+        .rsplit_once("(os error ")
+        .and_then(|(_, number)| number.strip_suffix(')')?.parse().ok());
+    match number {
+        Some(number) => io::Error::from_raw_os_error(number),
+        None => io::Error::new(error.kind(), words.to_owned()),
     }
 }
 
@@ -473,15 +517,25 @@ pub fn set_aside(path: &Path) -> io::Result<Option<PathBuf>> {
         if fs::symlink_metadata(&aside).is_ok() {
             continue;
         }
-        match rustix::fs::renameat_with(CWD, path, CWD, &aside, RenameFlags::NOREPLACE) {
-            Err(Errno::EXIST) => continue,
-            // A file system that knows no such flag.
-            Err(Errno::INVAL | Errno::NOSYS) => fs::rename(path, &aside)?,
-            renamed => renamed?,
+        match move_to_free(path, &aside) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
+            moved => moved?,
         }
         return Ok(Some(aside));
     }
     Ok(None)
+}
+
+/// Gives a file another name, which nothing else has.
+fn move_to_free(from: &Path, to: &Path) -> io::Result<()> {
+    match rustix::fs::renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+        // A file system that knows no such flag.
+        Err(Errno::INVAL | Errno::NOSYS) if fs::symlink_metadata(to).is_err() => {
+            fs::rename(from, to)
+        }
+        Err(Errno::INVAL | Errno::NOSYS) => Err(io::ErrorKind::AlreadyExists.into()),
+        renamed => Ok(renamed?),
+    }
 }
 
 /// What is wrong and what to do, where an error says that nothing more finds room.
@@ -577,8 +631,25 @@ mod tests {
 
     #[test]
     fn errors_do_not_name_what_is_only_on_the_way() {
-        let e = AtomicFile::create(Path::new("/proc/nothing.jsonl")).unwrap_err();
-        assert!(!e.to_string().contains(SUFFIX), "{e}");
+        let file = AtomicFile::create(Path::new("/proc/nothing.jsonl")).unwrap_err();
+        let folder = AtomicFolder::create(Path::new("/proc/nothing")).unwrap_err();
+        for e in [file, folder] {
+            assert!(!e.to_string().contains(SUFFIX), "{e}");
+        }
+    }
+
+    #[test]
+    fn errors_of_temporary_files_keep_the_system_s_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let nowhere = folder.path().join("nowhere");
+        let refused = tempfile::Builder::new().tempfile_in(nowhere).unwrap_err();
+        let e = unnamed(refused);
+        assert_eq!(Errno::from_io_error(&e), Some(Errno::NOENT), "{e}");
+        for words in ["of no system", "(os error x)", "os error 5)"] {
+            let named = format!("{words} at path \"/srv/a\"");
+            let e = unnamed(io::Error::other(named));
+            assert_eq!((e.raw_os_error(), e.to_string()), (None, words.to_owned()));
+        }
     }
 
     #[test]
@@ -624,6 +695,43 @@ mod tests {
             let left = fs::read_dir(folder.path()).unwrap().count();
             assert_eq!(left, usize::from(whole > 0), "{room}");
         }
+    }
+
+    /// What lies under another name in the end is a part: whoever finds it must not take it for the whole.
+    #[test]
+    fn of_what_broke_off_and_cannot_have_its_name_it_is_said_that_it_broke_off() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        fs::create_dir(&path).unwrap();
+        let beside = NamedTempFile::new_in(folder.path()).unwrap();
+        let beside = NamedTempFile::from_parts(full_at(45_000), beside.into_temp_path());
+        let mut file = AtomicFile::new(Place::Beside(beside), &path);
+        file.is_kept = true;
+        let why = loop {
+            match file.write_all(&[b'r'; 20_000]) {
+                Ok(()) => file.mark_whole(),
+                Err(why) => break why,
+            }
+        };
+        let told = file.finish().unwrap_err();
+        let (at, reason) = kept_at(&told).unwrap();
+        assert_eq!(at, folder.path().join("file-new"));
+        assert_eq!(reason.kind(), why.kind());
+    }
+
+    #[test]
+    fn an_older_file_keeps_its_name_where_the_next_cannot_have_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        fs::write(&path, "older").unwrap();
+        let mut file = AtomicFile::create(&path).unwrap();
+        file.write_all(b"one\n").unwrap();
+        let entries = fs::read_dir(folder.path()).unwrap();
+        let mut beside = entries.map(|e| e.unwrap().path());
+        fs::remove_file(beside.find(|p| is_unfinished(p)).unwrap()).unwrap();
+        assert!(file.appear().is_err());
+        assert_eq!(fs::read_to_string(&path).unwrap(), "older");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     /// Of a record that is longer than the buffer, and so goes past it, a part finds room.
@@ -771,7 +879,7 @@ mod tests {
             file.mark_whole();
         };
         record(&mut file, "one\n");
-        assert!(!file.go_back().unwrap(), "it has no name yet");
+        assert!(!file.go_back().unwrap(), "nothing is on the disk");
         record(&mut file, "one\n");
         file.appear().unwrap();
         record(&mut file, "two\n");

@@ -58,7 +58,7 @@ pub use rate::Rate;
 pub use raw::{RawDecoder, RawPicture};
 pub use resize::{Crop, PADDING, Resizer};
 pub use source::Source;
-pub use spec::{InputSpec, OpenOptions, is_camera_place, open};
+pub use spec::{InputSpec, OpenOptions, STDIN, is_camera_place, open};
 pub use stand_in::StandIn;
 pub use stored::{holds_stills, is_film, open_bytes};
 pub use y4m::Y4mReader;

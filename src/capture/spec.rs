@@ -20,8 +20,8 @@ use crate::camera::SystemClock;
 
 /// Bytes read at once from pipes.
 const BUFFER_BYTES: usize = 1 << 18;
-/// What standard input is called.
-const STDIN: &str = "standard input";
+/// What standard input is called as a source.
+pub const STDIN: &str = "standard input";
 /// How the name of a camera's stand-in begins.
 const STAND_IN: &str = "stand-in:";
 /// Folders of /dev in which no devices lie, but what people and programs put there.
@@ -79,7 +79,7 @@ impl fmt::Display for InputSpec {
 pub struct OpenOptions {
     /// Width and height asked of a camera, pixels.
     pub size: Option<(u32, u32)>,
-    /// Pictures per second asked of a camera, or at which a folder's photos or a raw Motion-JPEG film were taken.
+    /// Pictures per second asked of a camera, or at which a folder's photos or a raw film were taken.
     pub fps: Option<f64>,
     /// What to set on a camera, in this order.
     pub controls: Vec<ControlSetting>,

@@ -8,7 +8,7 @@ use indicatif::ProgressBar;
 
 use super::apart::Apart;
 use super::exit::Failure;
-use super::model::file_digest;
+use super::model::opened;
 use super::pipeline::usual;
 use super::say;
 use crate::engine::{Model, ModelError, Network, NetworkError};
@@ -33,7 +33,12 @@ pub struct BenchArgs {
     #[arg(long, value_name = "WxH", value_parser = super::infer::parse_size)]
     size: Option<(usize, usize)>,
     /// Numbers of threads to measure with; 1 and all cores when not given
-    #[arg(long, value_name = "N,…", value_delimiter = ',', value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(
+        long,
+        value_name = "N,…",
+        value_delimiter = ',',
+        value_parser = clap::value_parser!(u16).range(1..=256)
+    )]
     threads: Vec<u16>,
     /// Seconds for each network, precision and number of threads
     #[arg(long, value_name = "S", default_value_t = 3.0, value_parser = parse_seconds)]
@@ -152,23 +157,15 @@ fn save(mut file: AtomicFile, certificate: &Certificate) -> std::io::Result<()> 
 /// The given or shipped model; `None` in a build without weights.
 fn trained(path: Option<&Path>) -> anyhow::Result<Option<Subject>> {
     if let Some(path) = path {
+        let (model, digest) = opened(path)?;
         let origin = path.display().to_string();
-        let model = Model::open(path).map_err(|e| match e {
-            // These name it.
-            ModelError::Io { .. } => anyhow::Error::from(e),
-            e => anyhow::Error::from(e).context(origin.clone()),
-        })?;
-        return Ok(Some(Subject::trained(
-            model,
-            &origin,
-            &file_digest(Some(path))?,
-        )));
+        return Ok(Some(Subject::trained(model, &origin, &digest)));
     }
     match Model::shipped() {
         Ok(model) => Ok(Some(Subject::trained(
             model,
             "shipped",
-            &file_digest(None)?,
+            &Model::shipped_digest()?,
         ))),
         Err(ModelError::NotShipped) => Ok(None),
         Err(e) => Err(e.into()),

@@ -8,7 +8,7 @@ use crate::config::Mistake;
 use crate::counted::counted;
 use crate::engine::{EngineError, ModelError, NetworkError};
 use crate::export::ExportError;
-use crate::output::no_room;
+use crate::output::{is_stdout, kept_at, no_room};
 use crate::record::{RecordError, no_whole_frame};
 use crate::sink::SinkError;
 
@@ -54,15 +54,34 @@ impl Failure {
         }
     }
 
-    /// A result could not be written. Of a full disk the place is not to blame.
+    /// A result could not be written. Of a full disk, and of a reader who has left, the place is not to blame.
     pub fn output(path: &std::path::Path, cause: &std::io::Error) -> Self {
+        let name = match is_stdout(path) {
+            true => "standard output".to_owned(),
+            false => path.display().to_string(),
+        };
+        if cause.kind() == std::io::ErrorKind::BrokenPipe {
+            return Self {
+                code: IO,
+                message: format!("{name}: writing stopped (nobody reads it any more)"),
+            };
+        }
+        let (at, cause) = match kept_at(cause) {
+            Some((at, why)) => (Some(at), why),
+            None => (None, cause),
+        };
         let (code, why) = match no_room(cause) {
             Some(full) => (IO, full.to_owned()),
-            None => (CANNOT_CREATE, format!("{cause}; choose a writable place")),
+            None => (CANNOT_CREATE, cause.to_string()),
+        };
+        let rest = match at {
+            Some(at) => format!("; what was made lies in {}", at.display()),
+            None if code == IO => String::new(),
+            None => "; choose a writable place".to_owned(),
         };
         Self {
             code,
-            message: format!("cannot write {}: {why}", path.display()),
+            message: format!("cannot write {name}: {why}{rest}"),
         }
     }
 
@@ -270,6 +289,11 @@ pub fn code(error: &anyhow::Error) -> u8 {
                 return Some(match e {
                     SinkError::Create { cause, .. } if no_room(cause).is_some() => IO,
                     SinkError::Create { .. } => CANNOT_CREATE,
+                    SinkError::Write { cause, .. } | SinkError::Lost { cause, .. }
+                        if only_lacks_its_name(cause) =>
+                    {
+                        CANNOT_CREATE
+                    }
                     SinkError::Write { .. } | SinkError::Lost { .. } => IO,
                     SinkError::Kind { .. } => USAGE,
                     SinkError::Picture(e) => e.exit_code(),
@@ -286,6 +310,11 @@ pub fn code(error: &anyhow::Error) -> u8 {
             cause.downcast_ref::<LinkError>().map(link_code)
         })
         .unwrap_or(SOFTWARE)
+}
+
+/// Whether a result is whole and lies under another name.
+fn only_lacks_its_name(cause: &std::io::Error) -> bool {
+    kept_at(cause).is_some_and(|(_, why)| no_room(why).is_none())
 }
 
 /// Whether the user has been told already.
@@ -317,7 +346,11 @@ fn link_code(error: &LinkError) -> u8 {
 fn model_code(error: &ModelError) -> u8 {
     match error {
         ModelError::Io { action: "read", .. } | ModelError::NotShipped => NO_INPUT,
-        ModelError::Io { source, .. } if no_room(source).is_some() => IO,
+        ModelError::Io { source, .. }
+            if no_room(source).is_some() || source.kind() == std::io::ErrorKind::BrokenPipe =>
+        {
+            IO
+        }
         ModelError::Io { .. } => CANNOT_CREATE,
         ModelError::NoRange(_) => USAGE,
         _ => DATA,
@@ -403,6 +436,42 @@ mod tests {
         let failure = anyhow::Error::from(Failure::output(&path(), &closed));
         assert_eq!(code(&failure), CANNOT_CREATE);
         assert!(told(&failure).ends_with("; choose a writable place"));
+    }
+
+    #[test]
+    fn a_reader_who_has_left_is_no_place_that_cannot_be_written() {
+        let left = || std::io::Error::from_raw_os_error(libc::EPIPE);
+        for (path, name) in [("-", "standard output"), ("a.npz", "a.npz")] {
+            let failure = anyhow::Error::from(Failure::output(path.as_ref(), &left()));
+            assert_eq!(code(&failure), IO);
+            let words = format!("{name}: writing stopped (nobody reads it any more)");
+            assert_eq!(told(&failure), words);
+        }
+        let model = ModelError::Io {
+            action: "write",
+            path: "-".into(),
+            source: left(),
+        };
+        assert_eq!(code(&model.into()), IO);
+    }
+
+    #[test]
+    fn of_a_result_that_lies_elsewhere_the_place_is_told() {
+        use std::io::Write;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.glb");
+        let mut file = crate::output::AtomicFile::create(&path).unwrap();
+        file.write_all(b"hours of work").unwrap();
+        std::fs::create_dir(&path).unwrap();
+        let cause = file.finish().unwrap_err();
+        let failure = Failure::output(&path, &cause);
+        let at = folder.path().join("a-new.glb");
+        let words = format!("; what was made lies in {}", at.display());
+        assert!(failure.message.ends_with(&words), "{failure}");
+        assert_eq!(failure.code, CANNOT_CREATE);
+        // Whichever verb has made it.
+        let record = SinkError::Write { path, cause };
+        assert_eq!(code(&record.into()), CANNOT_CREATE);
     }
 
     #[test]

@@ -43,7 +43,8 @@ pub struct InputArgs {
     /// Picture size to ask a camera for
     #[arg(long, value_name = "WxH")]
     pub capture_size: Option<CaptureSize>,
-    /// Frame rate to ask a camera for, or at which a folder's photos or a raw Motion-JPEG film were taken
+    /// Frame rate to ask a camera for, or at which a folder's photos or a raw film (Motion-JPEG, H.264, H.265) were
+    /// taken
     #[arg(long, value_name = "FPS", value_parser = parse_fps)]
     pub fps: Option<f64>,
     /// Set a control of the camera, may be given several times, in this order; 'infer --list-controls' shows what there
@@ -190,6 +191,36 @@ impl InputArgs {
 }
 
 impl InputArgs {
+    /// Refuses what was typed for a camera, or for pictures without times, and means nothing for this input. Settings
+    /// are of all inputs that a user has.
+    ///
+    /// # Errors
+    /// Exit code 64.
+    pub fn expect_use(&self, chosen: &NamedInput) -> Result<(), Failure> {
+        // A camera that is away is asked when it comes.
+        if chosen.is_camera || chosen.stands_in {
+            return Ok(());
+        }
+        let asked = [
+            ("--capture-size", self.capture_size.is_some()),
+            ("--control", !self.controls.is_empty()),
+        ];
+        if let Some((option, _)) = asked.iter().find(|(_, is_typed)| *is_typed) {
+            return Err(Failure::usage(format!(
+                "{option} is asked of a camera: expected a camera, found {}; leave it out",
+                chosen.spec
+            )));
+        }
+        match self.fps {
+            Some(fps) if !chosen.takes_rate(fps) => Err(Failure::usage(format!(
+                "--fps says when pictures without times were taken: expected a camera, photos or a raw film, found {}, \
+                 which has a rate of its own; leave it out",
+                chosen.spec
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     /// How the camera is mounted.
     pub fn mounting(&self) -> Mounting {
         Mounting {
@@ -200,6 +231,26 @@ impl InputArgs {
 }
 
 impl NamedInput {
+    /// Whether this input, which is no camera, has the rate that is asked for, frames per second, to within a
+    /// hundredth. What cannot be opened is not to blame for it.
+    fn takes_rate(&self, fps: f64) -> bool {
+        match &self.spec {
+            InputSpec::Path(path) if path.is_dir() => true,
+            InputSpec::Path(path) if !is_pipe(path) => {
+                let options = OpenOptions {
+                    fps: Some(fps),
+                    ..OpenOptions::default()
+                };
+                let opened = capture::open(&self.spec, &options);
+                let is_taken = |rate: f64| (rate / fps - 1.0).abs() < 0.01;
+                opened
+                    .ok()
+                    .is_none_or(|source| source.fps().is_some_and(is_taken))
+            }
+            _ => false,
+        }
+    }
+
     /// Whether pictures are lost when nobody asks for them: a camera, or a film played like one.
     pub fn is_live(&self) -> bool {
         self.is_camera || self.plays_live
@@ -393,5 +444,69 @@ mod tests {
             assert!(!names[..k].contains(name), "{name}");
         }
         assert_eq!(service_name(&"é".repeat(99)).len(), 64);
+    }
+
+    #[test]
+    fn what_is_typed_for_cameras_or_pictures_without_times_is_not_taken_for_films() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        std::fs::create_dir(at("photos")).unwrap();
+        for (name, start) in [
+            ("film.y4m", &b"YUV4MPEG2 W16 H16 F30:1 C420jpeg\n"[..]),
+            ("photo.jpg", b"\xFF\xD8\xFF\xE0"),
+            ("raw.mjpeg", b"\xFF\xD8\xFF\xE0"),
+        ] {
+            std::fs::write(at(name), start).unwrap();
+        }
+        let refused = |input: &str, typed: &InputArgs| {
+            let args = InputArgs {
+                input: Some(input.to_owned()),
+                ..typed.clone()
+            };
+            let refused = args.expect_use(&choose(&args).unwrap()).err();
+            refused.map(|e| e.to_string())
+        };
+        let rate = InputArgs {
+            fps: Some(10.0),
+            ..InputArgs::default()
+        };
+        for input in [at("film.y4m").as_str(), "demo", "-"] {
+            let said = refused(input, &rate).unwrap();
+            assert!(
+                said.starts_with("--fps says") && said.contains(input),
+                "{said}"
+            );
+        }
+        for input in ["photos", "photo.jpg", "raw.mjpeg", "none.y4m"] {
+            assert_eq!(refused(&at(input), &rate), None, "{input}");
+        }
+        assert_eq!(refused("/dev/video97", &rate), None);
+        let same = InputArgs {
+            fps: Some(30.0),
+            ..InputArgs::default()
+        };
+        assert_eq!(refused(&at("film.y4m"), &same), None);
+        for (option, typed) in [
+            (
+                "--capture-size",
+                InputArgs {
+                    capture_size: Some(CaptureSize(64, 64)),
+                    ..InputArgs::default()
+                },
+            ),
+            (
+                "--control",
+                InputArgs {
+                    controls: vec!["gain=1".parse().unwrap()],
+                    ..InputArgs::default()
+                },
+            ),
+        ] {
+            for input in ["film.y4m", "photos"] {
+                let said = refused(&at(input), &typed).unwrap();
+                assert!(said.starts_with(option), "{said}");
+            }
+            assert_eq!(refused("/dev/video97", &typed), None);
+        }
     }
 }

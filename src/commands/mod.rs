@@ -15,6 +15,7 @@ mod closed;
 mod common_time;
 mod config;
 mod doctor;
+mod empty;
 mod eval;
 mod events;
 mod exit;
@@ -55,7 +56,7 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 pub use infer::{Quality, photo_inputs};
 
@@ -95,7 +96,7 @@ enum Verb {
     Record(record::RecordVerb),
     /// Publish a record as if its camera ran again
     Replay(replay::ReplayArgs),
-    /// Write recorded bodies as BVH, glTF, TRC, CSV or NumPy arrays
+    /// Write recorded bodies as BVH, glTF, TRC, CSV, NumPy arrays or SVG curves
     Export(export::ExportArgs),
     /// Draw heights and angles of recorded bodies over time
     Plot(export::PlotArgs),
@@ -130,7 +131,7 @@ enum Verb {
 pub fn main() -> u8 {
     crate::supervise::remember_permissions();
     let words = words(std::env::args_os());
-    let cli = match Cli::try_parse_from(&words) {
+    let cli = match parse(&words) {
         Ok(cli) => cli,
         Err(e) if e.use_stderr() => {
             let told = match e.kind() {
@@ -185,6 +186,31 @@ pub fn main() -> u8 {
     }
 }
 
+/// What the command line takes.
+fn program() -> clap::Command {
+    lenient(Cli::command())
+}
+
+/// The same command, whose options take a number below zero as their value: what is wrong with it is said by who knows
+/// what was expected, not that there is no option `-1`.
+fn lenient(command: clap::Command) -> clap::Command {
+    let takes_numbers = |arg: clap::Arg| match arg.get_long() {
+        Some(_) if arg.get_action().takes_values() => arg.allow_negative_numbers(true),
+        _ => arg,
+    };
+    command.mut_args(takes_numbers).mut_subcommands(lenient)
+}
+
+/// Reads a command line.
+///
+/// # Errors
+/// What is wrong with it, or the help that was asked for.
+fn parse(words: &[OsString]) -> Result<Cli, clap::Error> {
+    let mut program = program();
+    let mut found = program.try_get_matches_from_mut(words)?;
+    Cli::from_arg_matches_mut(&mut found).map_err(|e| e.format(&mut program))
+}
+
 /// A command line as it is meant: `help --help` asks for help, not for that about a verb of this name.
 fn words(given: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<OsString> = given.collect();
@@ -197,7 +223,7 @@ fn words(given: impl Iterator<Item = OsString>) -> Vec<OsString> {
 /// What to say of a command line that is refused for a word which is not UTF-8: clap does not name it.
 fn other_bytes(words: &[OsString]) -> Option<String> {
     let is_refused = |words: &[OsString]| {
-        let parsed = Cli::try_parse_from(words);
+        let parsed = parse(words);
         parsed.is_err_and(|e| e.kind() == ErrorKind::InvalidUtf8)
     };
     // Most paths may be of any bytes: it is the word without which all others are taken.
@@ -235,8 +261,63 @@ fn one_line(error: &clap::Error) -> String {
         false => format!("{told}; {line}"),
     });
     let told = told.strip_prefix("error: ").unwrap_or(&told);
-    match mistyped::advice(error, &Cli::command()) {
+    match mistyped::advice(error, &program()) {
         Some(advice) => format!("{told}; {advice}"),
         None => format!("{told}; --help lists what there is"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `verb` and the verbs below it, each as the words that call it.
+    fn verbs(verb: &clap::Command, called: &[String]) -> Vec<(Vec<String>, clap::Command)> {
+        let mut all = vec![(called.to_vec(), verb.clone())];
+        for below in verb.get_subcommands() {
+            let called = [called, &[below.get_name().to_owned()]].concat();
+            all.extend(verbs(below, &called));
+        }
+        all
+    }
+
+    #[test]
+    fn a_number_below_zero_is_a_value_of_the_option_before_it() {
+        let mut tried = 0;
+        for (called, verb) in verbs(&program(), &["edgecap".to_owned()]) {
+            let options = verb.get_arguments();
+            let options = options.filter(|arg| arg.get_action().takes_values());
+            for option in options.filter_map(|arg| arg.get_long()) {
+                let words = [&called[..], &[format!("--{option}"), "-1".to_owned()]].concat();
+                let words: Vec<OsString> = words.into_iter().map(OsString::from).collect();
+                if let Err(e) = parse(&words) {
+                    assert_ne!(e.kind(), ErrorKind::UnknownArgument, "{words:?}: {e}");
+                }
+                tried += 1;
+            }
+        }
+        assert!(tried > 100, "{tried}");
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_number_below_zero_is_said_by_its_option() {
+        for words in [
+            &["run", "--threads", "-1"][..],
+            &["infer", "--looks", "-1"],
+            &["run", "--max-fps", "-1"],
+            &["multiview", "--fps", "-1"],
+            &["doctor", "--threads", "-1"],
+            &["export", "--person", "-1"],
+        ] {
+            let given = std::iter::once(&"edgecap").chain(words);
+            let given: Vec<OsString> = given.map(OsString::from).collect();
+            let told = one_line(&parse(&given).unwrap_err());
+            let option = words[1];
+            assert!(
+                told.contains("-1") && told.contains(option),
+                "{words:?}: {told}"
+            );
+            assert!(!told.contains("unexpected"), "{words:?}: {told}");
+        }
     }
 }

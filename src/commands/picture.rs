@@ -2,19 +2,15 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use crate::capture::{CaptureError, Frame, PhotoSource, Resizer, Source};
 
-use super::exit::Failure;
-use crate::capture::{Frame, PhotoDecoder, Resizer};
-
-/// Reads a picture and turns it upright.
-pub(super) fn upright(path: &Path) -> Result<Frame> {
-    let name = || path.display().to_string();
-    let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", name()))?;
+/// Reads a picture, as one of an input is read, and turns it upright.
+///
+/// # Errors
+/// If it cannot be read, is none, or has more bytes than a photo can have.
+pub(super) fn upright(path: &Path) -> Result<Frame, CaptureError> {
     let mut frame = Frame::default();
-    PhotoDecoder::default()
-        .decode(&bytes, &mut frame)
-        .map_err(|e| Failure::data(format!("{}: {e}", name())))?;
+    PhotoSource::file(path, None).next_into(&mut frame)?;
     Ok(frame)
 }
 
@@ -44,4 +40,23 @@ pub(super) fn covering(picture: &Frame, (width, height): (usize, usize)) -> Vec<
         ..Frame::default()
     };
     letterboxed(&cropped, (width, height))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With the same words and exit codes, and no file without an end.
+    #[test]
+    fn pictures_are_read_as_those_of_an_input() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jpg");
+        std::fs::write(&path, b"\xFF\xD8\xFFno picture").unwrap();
+        let spec = path.to_str().unwrap().parse().unwrap();
+        let mut input = crate::capture::open(&spec, &Default::default()).unwrap();
+        let as_input = input.next_into(&mut Frame::default()).unwrap_err();
+        let alone = upright(&path).unwrap_err();
+        assert_eq!(alone.to_string(), as_input.to_string());
+        assert_eq!(alone.exit_code(), as_input.exit_code());
+    }
 }

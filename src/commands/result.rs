@@ -10,7 +10,7 @@ use super::input::{InputArgs, NamedInput};
 use crate::capture::InputSpec;
 
 /// The folder.
-const OUT: &str = "edgecap-out";
+pub const OUT: &str = "edgecap-out";
 /// A longer line is no frame.
 const MOST: u64 = 8 << 20;
 

@@ -48,6 +48,23 @@ pub struct Trial {
 }
 
 impl Calibration {
+    /// The engine that observes pictures of this size, pixels across and down.
+    ///
+    /// # Errors
+    /// When the network cannot run at it.
+    pub fn engine(model: &Model, (width, height): (usize, usize)) -> Result<Engine, EngineError> {
+        let options = EngineOptions {
+            width,
+            height,
+            threads: 1,
+            precision: Precision::F32,
+            // Winograd turns an overflow into no number, and ReLU that into 0, where nobody would see it.
+            algorithms: Some(Algorithms::Direct),
+            ..EngineOptions::default()
+        };
+        Engine::new(model, options)
+    }
+
     /// Runs the f32 network over `pictures` (row-major `[height, width, 3]`, RGB) and observes every value. Pictures on
     /// which the network runs wild (some value's maximum is beyond [`WILD`] times the median over pictures) are left
     /// out: following them would cost all others their resolution. `pictures` are gone through twice, and one is held
@@ -64,18 +81,7 @@ impl Calibration {
         pictures: impl IntoIterator<Item: AsRef<[u8]>, IntoIter: Clone>,
         options: CalibrationOptions,
     ) -> Result<Self, EngineError> {
-        let mut engine = Engine::new(
-            model,
-            EngineOptions {
-                width: options.size.0,
-                height: options.size.1,
-                threads: 1,
-                precision: Precision::F32,
-                // Winograd turns an overflow into no number, and ReLU that into 0, where nobody would see it.
-                algorithms: Some(Algorithms::Direct),
-                ..EngineOptions::default()
-            },
-        )?;
+        let mut engine = Self::engine(model, options.size)?;
         let graph = model.network().graph();
         let values = &graph.values;
         let nothing = || values.iter().map(|v| Observed::new(v.channels)).collect();

@@ -3,12 +3,13 @@
 use std::ffi::OsString;
 use std::fs;
 use std::io;
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::{MadeFolders, PREFIX, SUFFIX, parent};
+use super::mount::realm;
+use super::{MadeFolders, PREFIX, SUFFIX, kept, parent, unnamed};
 
 /// A folder being filled; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
 #[derive(Debug)]
@@ -27,9 +28,9 @@ impl AtomicFolder {
     pub fn create(path: &Path) -> io::Result<Self> {
         let folder = parent(path);
         let made = MadeFolders::make(folder)?;
-        let device = |folder: &Path| fs::metadata(folder).map(|m| m.dev());
-        // Nothing can be moved from one disk to another.
-        let in_itself = device(path).is_ok_and(|d| device(folder).is_ok_and(|parent| parent != d));
+        // Nothing can be moved from one disk or mount to another.
+        let in_itself =
+            realm(path).is_ok_and(|its| realm(folder).is_ok_and(|around| around != its));
         let mut this = Self::create_in(if in_itself { path } else { folder }, path)?;
         this.made = made;
         Ok(this)
@@ -44,7 +45,8 @@ impl AtomicFolder {
             .prefix(PREFIX)
             .suffix(SUFFIX)
             .permissions(fs::Permissions::from_mode(0o777))
-            .tempdir_in(folder)?;
+            .tempdir_in(folder)
+            .map_err(unnamed)?;
         Ok(Self {
             beside,
             path: path.to_owned(),
@@ -70,10 +72,7 @@ impl AtomicFolder {
             Err(_) if self.path.is_dir() => fill(&made, &self.path),
             moved => moved,
         };
-        moved.map_err(|e| {
-            let kept = format!("{e}; what was made lies in {}", made.display());
-            io::Error::new(e.kind(), kept)
-        })
+        moved.map_err(|e| kept::error(e, made))
     }
 }
 

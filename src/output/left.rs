@@ -16,8 +16,8 @@ use super::{is_unfinished, parent};
 const LEFT_AFTER: Duration = Duration::from_secs(24 * 60 * 60);
 
 /// Removes from the folder in which `path` is written, behind links, the files that killed processes of this user have
-/// not finished, a day after they were written to last. Folders stay: they may hold results that could not be moved to
-/// their place.
+/// not finished, a day after they were written to last. Folders stay, and so do files that nobody may write to: they
+/// may be results that could not be moved to their place.
 pub fn sweep(path: &Path) {
     // What is open already has nothing beside it, and where a link leads nowhere, nothing is written.
     if descriptor(path).is_some() {
@@ -42,8 +42,9 @@ fn remove_if_left(path: &Path) -> io::Result<()> {
         .open(path)?;
     let meta = file.metadata()?;
     let is_own = meta.is_file() && meta.uid() == rustix::process::geteuid().as_raw();
+    let is_writable = meta.mode() & 0o222 != 0;
     let is_old = meta.modified()?.elapsed().is_ok_and(|a| a > LEFT_AFTER);
-    if is_own && is_old && file.try_lock().is_ok() {
+    if is_own && is_writable && is_old && file.try_lock().is_ok() {
         fs::remove_file(path)?;
     }
     Ok(())

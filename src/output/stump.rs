@@ -4,7 +4,7 @@ use std::fs::{self, File, Metadata};
 use std::io::{self, BufRead, BufReader, Seek};
 use std::path::{Path, PathBuf};
 
-use super::suffix::suffixed;
+use super::suffix::first_free;
 
 /// How a line of JSON begins.
 const LINE: &[u8] = b"{";
@@ -15,13 +15,7 @@ pub fn place(path: &Path, stump: &mut File) -> PathBuf {
     if !fs::metadata(path).is_ok_and(|older| older.is_file()) || !holds_more(path, stump) {
         return path.to_owned();
     }
-    let beside = (1..)
-        .map(|n: u32| match n {
-            1 => suffixed(path, "-cut"),
-            n => suffixed(path, &format!("-cut-{n}")),
-        })
-        .find(|p| fs::symlink_metadata(p).is_err());
-    let beside = beside.unwrap_or_else(|| path.to_owned());
+    let beside = first_free(path, "-cut");
     tracing::warn!(
         "{}: the file of the time before is longer and stays; what there is of this one is {}",
         path.display(),

@@ -5,12 +5,13 @@ use std::io;
 use std::path::Path;
 
 use super::link::{behind_links, descriptor};
+use super::mount::expect_replaceable;
 use super::{nearest_folder, unnamed};
 
 /// Begins a file where `path`, or the first of its folders that is missing, would be made, and leaves nothing.
 ///
 /// # Errors
-/// The system's.
+/// The system's, or that what is there cannot be replaced.
 pub fn try_place(path: &Path) -> io::Result<()> {
     if descriptor(path).is_some() {
         return Ok(());
@@ -23,7 +24,7 @@ pub fn try_place(path: &Path) -> io::Result<()> {
         }
         // A device or a pipe, which whoever reads it may not have opened yet.
         Ok(there) if !there.is_file() => return Ok(()),
-        _ => {}
+        _ => expect_replaceable(path)?,
     }
     tempfile::tempfile_in(nearest_folder(path))
         .map(drop)

@@ -310,7 +310,7 @@ fn the_verb_writes_what_it_says() {
     // Joints of 12 frames of one person, under a line of headings.
     assert_eq!(String::from_utf8(csv).unwrap().lines().count(), 1 + 12 * 21);
     // A full folder is not written into.
-    assert_fails(&args, 64, &["holds files"]);
+    assert_fails(&args, 73, &["holds files"]);
 }
 
 /// A calibration may have any axis up; exports and readers take y of the world for it.

@@ -390,7 +390,7 @@ fn a_folder_in_which_somebody_works_is_left_alone() {
     fs::write(own.join("letter.txt"), "Dear").unwrap();
     let other = arguments(folder, "own", &[]);
     let args: Vec<&str> = other.iter().map(String::as_str).collect();
-    assert_fails(&args, 64, &["holds files"]);
+    assert_fails(&args, 73, &["holds files"]);
     assert!(own.join("letter.txt").exists());
 }
 

@@ -176,6 +176,22 @@ fn what_was_expected_is_said_in_the_users_words() {
             65,
             ["bad.ecm", "no model"],
         ),
+        (
+            vec!["replay", "x.record", "--speed", "-1"],
+            64,
+            ["--speed", "expected a factor from 0.01 to 100"],
+        ),
+        (
+            vec!["record", "x.record", "--seconds", "-1"],
+            64,
+            ["--seconds <SECONDS>", "-1 is not in"],
+        ),
+        (
+            vec!["synth", "--clip", "s1.mp4"],
+            64,
+            ["s1.mp4", "ends in .avi"],
+        ),
+        (vec!["model"], 64, ["requires a subcommand", "verify"]),
     ] {
         assert_fails(&args, code, &words);
     }
@@ -325,6 +341,9 @@ fn options_that_would_do_nothing_are_refused() {
         ["--metrics", "127.0.0.1:0"],
         ["--rate", "60"],
         ["--max-fps", "5"],
+        ["--fps", "10"],
+        ["--capture-size", "64x64"],
+        ["--control", "gain=1"],
     ] {
         assert_fails(
             &[&run[..], &more].concat(),
@@ -475,7 +494,7 @@ fn networks_and_pictures_that_are_none() {
     let broken = file("broken.toml", "name = \"x\"\nlayers = [");
     assert_fails(
         &["model", "contract", "--arch", &broken],
-        78,
+        65,
         &["broken.toml:2:"],
     );
     let shipped = std::fs::read_to_string("models/selecsls.toml").unwrap();
@@ -516,8 +535,50 @@ fn networks_and_pictures_that_are_none() {
     calibrate("/nowhere", 66);
     let empty = folder.path().join("empty");
     std::fs::create_dir(&empty).unwrap();
-    calibrate(empty.to_str().unwrap(), 65);
+    calibrate(empty.to_str().unwrap(), 66);
     assert!(!model.exists());
+}
+
+/// Whichever verb meets it.
+#[test]
+fn the_same_mistake_has_the_same_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (full, none, out) = (at("full"), at("none"), at("out"));
+    std::fs::create_dir(&full).unwrap();
+    std::fs::write(at("full/mine.txt"), "keep").unwrap();
+    for args in [
+        &["synth", "--out", &full][..],
+        &["synth", "--views", "2", "--out", &full],
+        &["multiview", "--view", "a", "--out", &full],
+    ] {
+        assert_fails(args, 73, &["expected a new or empty folder", &full]);
+    }
+    for model in [&none, &full] {
+        for args in [
+            &["model", "info", model][..],
+            &["model", "verify", model],
+            &["model", "import", model, "-o", &out],
+            &["model", "import", model, "--check"],
+            &[
+                "model",
+                "run",
+                model,
+                "--image",
+                "docs/demo.jpg",
+                "--npz",
+                &out,
+            ],
+            &["bench", "--model", model, "--threads", "1"],
+            &[
+                "infer", "--input", "demo", "--model", model, "--jsonl", &out,
+            ],
+        ] {
+            assert_fails(args, 66, &[model]);
+        }
+    }
+    let left = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(left, 1, "only the folder is left");
 }
 
 #[test]

@@ -85,22 +85,24 @@ fn f32_is_what_a_naive_reference_computes() {
 
 #[test]
 fn a_layer_is_joined_twice_by_way_of_a_copy() {
-    let model = Model::random(joined_twice("a.copy"), 3);
     let picture = picture(SIZE, 9);
-    let Weights::Float(weights) = model.weights() else {
-        panic!("random weights are floats");
-    };
-    let expected = naive(model.network().graph(), weights, &picture, SIZE);
-    let quantised = quantised(&model);
-    for (model, precision, most) in [
-        (&model, Precision::F32, 1e-5),
-        (&quantised, Precision::Int8, 0.1),
-    ] {
-        let mut engine = engine(model, precision, 1, None);
-        let e = error(&expected, engine.run(&picture));
-        assert!(e < most, "{precision:?}: {e}");
+    for relu in [true, false] {
+        let model = Model::random(joined_twice("a.copy", relu), 3);
+        let Weights::Float(weights) = model.weights() else {
+            panic!("random weights are floats");
+        };
+        let expected = naive(model.network().graph(), weights, &picture, SIZE);
+        let quantised = quantised(&model);
+        for (model, precision, most) in [
+            (&model, Precision::F32, 1e-5),
+            (&quantised, Precision::Int8, 0.1),
+        ] {
+            let mut engine = engine(model, precision, 1, None);
+            let e = error(&expected, engine.run(&picture));
+            assert!(e < most, "{precision:?}, ReLU {relu}: {e}");
+        }
     }
-    let refused = Model::random(joined_twice("a"), 3);
+    let refused = Model::random(joined_twice("a", true), 3);
     let said = Engine::new(&refused, options(Precision::F32, 1, None)).err();
     let said = said.unwrap().to_string();
     let copy = r#"name = "a.copy", from = ["a"], kernel = 1, stride = 1"#;

@@ -34,8 +34,8 @@ pub fn tiny() -> Network {
 }
 
 /// A network of which two layers join the first one with others, or with a copy of it: the last reads `first` in its
-/// place.
-pub fn joined_twice(first: &str) -> Network {
+/// place. Whether it ends in ReLU is `relu`.
+pub fn joined_twice(first: &str, relu: bool) -> Network {
     let text = format!(
         r#"
         name = "joined"
@@ -43,7 +43,7 @@ pub fn joined_twice(first: &str) -> Network {
         input = {{ channels = 3, multiple = 16 }}
         output = {{ head2d = "d", head3d = "e" }}
         layers = [
-          {{ kind = "conv", name = "a", out = 8, kernel = 3, stride = 8 }},
+          {{ kind = "conv", name = "a", out = 8, kernel = 3, stride = 8, relu = {relu} }},
           {{ kind = "conv", name = "b", from = ["input"], out = 8, kernel = 3, stride = 8 }},
           {{ kind = "conv", name = "c", from = ["input"], out = 8, kernel = 5, stride = 8 }},
           {{ kind = "maxpool", name = "a.copy", from = ["a"], kernel = 1, stride = 1 }},

@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use clap::Args;
 
 use super::{described, network, read, text, tried};
+use crate::capture::PhotoSource;
 use crate::commands::apart::Apart;
 use crate::commands::exit::{Failure, told};
 use crate::commands::{picture, say};
@@ -41,7 +42,12 @@ pub struct Import {
     #[arg(long)]
     calibrate: Option<PathBuf>,
     /// At most this many pictures, evenly over the folder
-    #[arg(long, default_value_t = 64, requires = "calibrate", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(
+        long,
+        default_value_t = 64,
+        requires = "calibrate",
+        value_parser = clap::value_parser!(u32).range(1..)
+    )]
     pictures: u32,
     /// How ranges are chosen: max, mse or percentile:SHARE
     #[arg(long, default_value_t = CalibrationOptions::default().choice, requires = "calibrate")]
@@ -96,19 +102,22 @@ fn share(text: &str) -> Result<f32, String> {
 
 /// Runs `edgecap model import`.
 pub fn import(a: &Import) -> Result<()> {
-    let Some(output) = a.output.as_ref().filter(|_| !a.check) else {
-        return check(a);
-    };
     Apart::default()
         .reads("WEIGHTS", &a.weights)
         .may_read("--stage2", a.stage2.as_deref())
         .may_read("--association", a.association.as_deref())
         .may_read("--arch", described(&a.arch))
         .may_read("--calibrate", a.calibrate.as_deref())
-        .writes("--output", output)
+        .may_write("--output", a.output.as_deref())
         .check()?;
+    let place =
+        |output: &PathBuf| output::try_place(output).map_err(|e| Failure::output(output, &e));
+    let place = a.output.as_ref().map_or(Ok(()), place);
+    let Some(output) = a.output.as_ref().filter(|_| !a.check) else {
+        return check(a, place);
+    };
     // Before work that could not be kept.
-    output::try_place(output).map_err(|e| Failure::output(output, &e))?;
+    place?;
     let name = || a.weights.display().to_string();
     let mut model = Model::from_any(&read(&a.weights)?, network(&a.arch)?).with_context(name)?;
     if model.is_quantised() {
@@ -128,7 +137,10 @@ pub fn import(a: &Import) -> Result<()> {
     };
     // What no engine runs is of no use to anybody.
     tried(&model).with_context(|| format!("{} cannot be run", a.weights.display()))?;
-    model.save(output)?;
+    model.save(output).map_err(|e| match e {
+        ModelError::Io { source, .. } => Failure::output(output, &source).into(),
+        e => anyhow::Error::from(e),
+    })?;
     a.say(&format!(
         "{} written: {}",
         output.display(),
@@ -141,10 +153,10 @@ pub fn import(a: &Import) -> Result<()> {
     Ok(())
 }
 
-/// The model, rounded by what it does on pictures of a folder.
-fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
+/// Photos of a folder, and the width and height that they are to be calibrated at.
+fn sized(a: &Import, model: &Model, folder: &Path) -> Result<(Vec<PathBuf>, (usize, usize))> {
     let files = pictures(folder, a.pictures as usize)?;
-    // They are decoded here for their sizes and below, twice, for their pixels: all at once they would fill the memory.
+    // They are decoded here for their sizes, and twice later for their pixels: all at once they would fill the memory.
     let sizes = files.iter().map(|path| {
         let picture = picture::upright(path)?;
         Ok((picture.width, picture.height))
@@ -158,6 +170,21 @@ fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
         a.width.unwrap_or_else(|| side(widths, reference[0])),
         a.height.unwrap_or_else(|| side(heights, reference[1])),
     );
+    Ok((files, size))
+}
+
+/// Whether weights could be calibrated on the photos of a folder, without doing it.
+fn check_calibration(a: &Import, model: Option<&Model>, folder: &Path) -> Result<()> {
+    let Some(model) = model else {
+        return pictures(folder, a.pictures as usize).map(drop);
+    };
+    let (_, size) = sized(a, model, folder)?;
+    Ok(Calibration::engine(model, size).map(drop)?)
+}
+
+/// The model, rounded by what it does on pictures of a folder.
+fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
+    let (files, size) = sized(a, &model, folder)?;
     let options = CalibrationOptions {
         size,
         own_ranges: a.own_ranges,
@@ -175,7 +202,7 @@ fn calibrated(a: &Import, model: Model, folder: &Path) -> Result<Model> {
     });
     let seen = Calibration::observe(&model, inputs, options);
     if let Some(e) = lost.take() {
-        return Err(e);
+        return Err(e.into());
     }
     let mut calibration = seen?;
     if a.try_ranges {
@@ -212,8 +239,8 @@ fn association(path: &Path) -> Result<String> {
     }
 }
 
-/// Lists everything that keeps weights from being imported.
-fn check(a: &Import) -> Result<()> {
+/// Lists everything that keeps weights from being imported, what keeps the model from its `place` as well.
+fn check(a: &Import, place: Result<(), Failure>) -> Result<()> {
     let network = network(&a.arch)?;
     let name = || a.weights.display().to_string();
     let bytes = read(&a.weights)?;
@@ -231,6 +258,10 @@ fn check(a: &Import) -> Result<()> {
             model = Some(Model::from_safetensors(&bytes, network.clone()).with_context(name)?);
         }
     }
+    let calibration = a
+        .calibrate
+        .as_ref()
+        .map(|folder| check_calibration(a, model.as_ref(), folder));
     let has_ranges = model
         .as_ref()
         .is_some_and(|m| m.clone().quantise(None).is_ok());
@@ -246,7 +277,12 @@ fn check(a: &Import) -> Result<()> {
         wrong.extend(listed(path, "Stage II", "--stage2", &found));
     }
     let association = a.association.as_ref().map(|path| association(path));
-    let errors = [runs.err(), association.transpose().err()];
+    let errors = [
+        runs.err(),
+        association.transpose().err(),
+        calibration.transpose().err(),
+        place.err().map(Into::into),
+    ];
     let mut errors: Vec<_> = errors.into_iter().flatten().collect();
     // With the exit code that an import would have.
     if wrong.is_empty() && errors.len() == 1 {
@@ -263,9 +299,13 @@ fn check(a: &Import) -> Result<()> {
         ));
         return Ok(());
     }
-    let ranges = match has_ranges {
-        true => "activation ranges are in its metadata",
-        false => "activation ranges must be found on pictures (--calibrate DIR)",
+    let ranges = match (&a.calibrate, has_ranges) {
+        (Some(folder), _) => {
+            let folder = folder.display();
+            format!("activation ranges can be found on the pictures of {folder}")
+        }
+        (None, true) => "activation ranges are in its metadata".to_owned(),
+        (None, false) => "activation ranges must be found on pictures (--calibrate DIR)".to_owned(),
     };
     say::out(&format!(
         "{} can be imported as {}; {ranges}",
@@ -339,32 +379,15 @@ fn select(
     Ok(())
 }
 
-/// At most `most` pictures of a folder, evenly spaced in order of name.
+/// At most `most` photos of a folder, evenly spaced in the order in which an input has them.
 fn pictures(folder: &Path, most: usize) -> Result<Vec<PathBuf>> {
-    let entries = std::fs::read_dir(folder).map_err(|e| match e.kind() {
-        ErrorKind::NotADirectory => Failure::no_input(
-            folder,
-            &io::Error::new(e.kind(), "expected a folder, found a file"),
-        )
-        .into(),
-        _ => anyhow::Error::from(e).context(format!("cannot read {}", folder.display())),
-    })?;
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry?.path();
-        let ending = path.extension().map(|e| e.to_ascii_lowercase());
-        if ending.is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|x| e == *x)) {
-            files.push(path);
-        }
+    if folder.is_file() {
+        let words = "expected a folder, found a file";
+        let cause = io::Error::new(ErrorKind::NotADirectory, words);
+        return Err(Failure::no_input(folder, &cause).into());
     }
-    if files.is_empty() {
-        let folder = folder.display();
-        return Err(Failure::data(format!(
-            "{folder}: expected JPEG or PNG pictures to calibrate on, found none; name another folder"
-        ))
-        .into());
-    }
-    files.sort();
+    let photos = PhotoSource::folder(folder, None)?;
+    let files = photos.files();
     let n = most.min(files.len());
     Ok((0..n).map(|i| files[i * files.len() / n].clone()).collect())
 }

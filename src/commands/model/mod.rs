@@ -15,8 +15,7 @@ use super::{picture, say};
 use crate::config::Mistake;
 use crate::engine::model::{Contract, Stage2Contract, Weights};
 use crate::engine::{
-    Engine, EngineOptions, HEAD2D_CHANNELS, Isa, Maps, Model, ModelError, Network, NetworkError,
-    Precision,
+    Engine, EngineOptions, HEAD2D_CHANNELS, Isa, Maps, Model, Network, NetworkError, Precision,
 };
 use crate::joints::EVIDENCE_JOINTS;
 use crate::npz;
@@ -24,6 +23,8 @@ use crate::output::AtomicFile;
 
 /// Arguments of `edgecap model`.
 #[derive(Debug, Args)]
+// One line, as of any other verb that lacks something.
+#[command(arg_required_else_help = false)]
 pub struct ModelArgs {
     #[command(subcommand)]
     verb: Verb,
@@ -104,14 +105,22 @@ pub fn model(args: ModelArgs) -> Result<()> {
     }
 }
 
-fn open(path: Option<&Path>) -> Result<Model> {
+/// A given model and the digest of its file, which is read once: it may be a pipe. The digest in the header is of what
+/// the file holds without it.
+///
+/// # Errors
+/// Exit code 66 where it cannot be read, 65 where it is none.
+pub(super) fn opened(path: &Path) -> Result<(Model, String)> {
+    let bytes = read(path)?;
+    let model = Model::from_bytes(&bytes).with_context(|| path.display().to_string())?;
+    Ok((model, blake3::hash(&bytes).to_hex().to_string()))
+}
+
+/// The same, or the shipped model with the digest that `--version` and the file beside it tell.
+fn open(path: Option<&Path>) -> Result<(Model, String)> {
     match path {
-        Some(path) => Model::open(path).map_err(|e| match e {
-            // It names the file.
-            ModelError::Io { .. } => e.into(),
-            e => anyhow::Error::from(e).context(path.display().to_string()),
-        }),
-        None => Ok(Model::shipped()?),
+        Some(path) => opened(path),
+        None => Ok((Model::shipped()?, Model::shipped_digest()?)),
     }
 }
 
@@ -126,14 +135,17 @@ fn network(arch: &str) -> Result<Network> {
     };
     let text = text(path)?;
     match Network::parse(&text) {
-        Err(NetworkError::Syntax(e)) => Err(Mistake::refused(arch, &text, &e).into()),
+        // With its place, as in settings, but it is none of those.
+        Err(NetworkError::Syntax(e)) => {
+            Err(Failure::data(Mistake::refused(arch, &text, &e).to_string()).into())
+        }
         parsed => parsed.with_context(|| arch.to_owned()),
     }
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
-    crate::bounded::read(path, crate::bounded::DATA)
-        .with_context(|| format!("cannot read {}", path.display()))
+    let read = crate::bounded::read(path, crate::bounded::DATA);
+    Ok(read.map_err(|e| Failure::no_input(path, &e))?)
 }
 
 fn text(path: &Path) -> Result<String> {
@@ -159,18 +171,9 @@ fn contract(arch: &str, is_stage2: bool) -> Result<()> {
     Ok(())
 }
 
-/// The digest of the file itself, which `--version` and the file beside the shipped model tell; that in the header is
-/// of what the file holds without it.
-pub(super) fn file_digest(path: Option<&Path>) -> Result<String> {
-    match path {
-        Some(path) => Ok(blake3::hash(&read(path)?).to_hex().to_string()),
-        None => Ok(Model::shipped_digest()?),
-    }
-}
-
 fn info(path: Option<&Path>) -> Result<()> {
     use std::fmt::Write;
-    let model = &open(path)?;
+    let (model, file) = &open(path)?;
     let (network, contract) = (model.network(), model.contract());
     let graph = network.graph();
     let [w, h] = contract.input.reference_size;
@@ -219,7 +222,7 @@ fn info(path: Option<&Path>) -> Result<()> {
     for line in model.history() {
         writeln!(out, "history      {line}")?;
     }
-    writeln!(out, "blake3       {} (the file)", file_digest(path)?)?;
+    writeln!(out, "blake3       {file} (the file)")?;
     if let Some(digest) = model.digest() {
         writeln!(
             out,
@@ -230,7 +233,7 @@ fn info(path: Option<&Path>) -> Result<()> {
 }
 
 fn verify(path: Option<&Path>) -> Result<()> {
-    let model = &open(path)?;
+    let (model, file) = &open(path)?;
     // Opening it has checked digest, names, shapes and ranges.
     let engine = tried(model)?;
     association(model)?;
@@ -242,10 +245,7 @@ fn verify(path: Option<&Path>) -> Result<()> {
         ));
     }
     let contents = model.digest().unwrap_or("(no digest)");
-    say::whole(&format!(
-        "ok {contents} (contents), {} (file)",
-        file_digest(path)?
-    ))
+    say::whole(&format!("ok {contents} (contents), {file} (file)"))
 }
 
 /// The engine of a rounded model, which has taken it and given numbers.

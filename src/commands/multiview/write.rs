@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::fmt::Write as _;
-use std::fs::{DirEntry, File};
+use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Write};
 use std::path::Path;
 
@@ -11,6 +11,7 @@ use super::store::{self, Store};
 use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
+use crate::commands::empty;
 use crate::commands::exit::Failure;
 use crate::counted::counted;
 use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
@@ -77,24 +78,11 @@ pub fn frames(text: Option<&str>) -> anyhow::Result<Chosen> {
 /// there.
 ///
 /// # Errors
-/// When it does, or cannot be.
+/// Exit code 73 when it does, or cannot be.
 pub fn expect_empty(out: &Path) -> anyhow::Result<()> {
-    if !out.is_dir() {
-        return try_to_write(out);
-    }
-    let mut entries = std::fs::read_dir(out).map_err(|e| Failure::output(out, &e))?;
-    let is_work = |e: &DirEntry| e.file_name() == store::NAME && store::is_one(&e.path());
-    if entries.any(|e| e.is_ok_and(|e| !is_work(&e))) {
-        let found = format!(
-            "expected a new or empty folder, but {} holds files; choose another --out",
-            out.display()
-        );
-        return Err(Failure::usage(found).into());
-    }
-    try_to_write(out)
-}
-
-fn try_to_write(out: &Path) -> anyhow::Result<()> {
+    empty::expect_empty(out, |e| {
+        e.file_name() == store::NAME && store::is_one(&e.path())
+    })?;
     Ok(output::try_place(&out.join(REPORT)).map_err(|e| Failure::output(out, &e))?)
 }
 
@@ -296,7 +284,8 @@ fn meshes(
         })
         .collect();
     let axes = Axes::of(take);
-    Ok(encode_meshes(body, &tracks, &axes, scene.rate)?)
+    let end = scene.times.len().checked_sub(1).map_or(0.0, time);
+    Ok(encode_meshes(body, &tracks, &axes, scene.rate, end)?)
 }
 
 fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {

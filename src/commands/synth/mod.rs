@@ -13,8 +13,10 @@ use image::codecs::png::PngEncoder;
 
 use self::strip::{Part, Stopped, render};
 use super::apart::Apart;
+use super::empty::expect_empty;
 use super::exit::Failure;
 use super::progress;
+use super::say;
 use super::stop::Stop;
 use crate::bounded::DATA;
 use crate::capture::{AviWriter, Frame};
@@ -24,6 +26,7 @@ use crate::lab::synth::stills::Stills;
 use crate::lab::synth::truth::{FORMAT, VERSION};
 use crate::lab::synth::{Truth, TruthFrame};
 use crate::output::{AtomicFile, AtomicFolder};
+use crate::sink::SinkError;
 
 /// File type of single pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -45,7 +48,11 @@ pub struct SynthArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["stills", "format"])]
     pub clip: Option<PathBuf>,
     /// Number of frames.
-    #[arg(long, default_value_t = 150, value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
+    #[arg(
+        long,
+        default_value_t = 150,
+        value_parser = clap::value_parser!(u64).range(1..=1_000_000)
+    )]
     pub frames: u64,
     /// People in the clip; with --stills at most this many.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=32))]
@@ -60,17 +67,33 @@ pub struct SynthArgs {
     #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub height: u32,
     /// Frames per second of a clip.
-    #[arg(long, default_value_t = 15, conflicts_with = "stills", value_parser = clap::value_parser!(u32).range(1..=240))]
+    #[arg(
+        long,
+        default_value_t = 15,
+        conflicts_with = "stills",
+        value_parser = clap::value_parser!(u32).range(1..=240)
+    )]
     pub fps: u32,
     /// Every frame is an independent scene: new people, camera, light and place.
     #[arg(long)]
     pub stills: bool,
     /// With --stills: share of scenes that are seen from high up near by, as by a camera under a ceiling.
-    #[arg(long, value_name = "0..1", default_value_t = 0.0, value_parser = share, requires = "stills")]
+    #[arg(
+        long,
+        value_name = "0..1",
+        default_value_t = 0.0,
+        value_parser = share,
+        requires = "stills"
+    )]
     pub overhead: f32,
     /// So many calibrated cameras round one scene see the same people: in --out a film and its truth by camera,
     /// Calib.toml for 'multiview', and world.json with everybody's joints in its axes.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16), conflicts_with_all = ["stills", "clip", "format"])]
+    #[arg(
+        long,
+        value_name = "N",
+        value_parser = clap::value_parser!(u32).range(1..=16),
+        conflicts_with_all = ["stills", "clip", "format"]
+    )]
     pub views: Option<u32>,
     /// With --views: who every pixel shows, as pictures masks/CAMERA/000000.png of identities, 0 where nobody is.
     #[arg(long, requires = "views")]
@@ -114,7 +137,7 @@ fn write(args: &SynthArgs, is_stopped: &Stopped<'_>) -> anyhow::Result<()> {
         .into());
     }
     if let (None, Some(out)) = (&args.clip, &args.out) {
-        expect_empty(out)?;
+        expect_empty(out, |_| false)?;
     }
     if let (Some(views), Some(out)) = (args.views, &args.out) {
         return views::write(args, views as usize, out, is_stopped);
@@ -182,26 +205,6 @@ fn truth<W: Write>(args: &SynthArgs, clip: Option<&Path>, out: W) -> io::Result<
         frames: Vec::new(),
     };
     FrameWriter::new(out, &about.head(), DATA)
-}
-
-/// Refuses a folder that holds files, before any work is done.
-fn expect_empty(out: &Path) -> anyhow::Result<()> {
-    match std::fs::read_dir(out) {
-        Ok(mut entries) => {
-            if entries.next().is_some() {
-                return Err(Failure::exists(format!(
-                    "expected a new or empty folder, but {} holds files; choose another --out",
-                    out.display()
-                ))
-                .into());
-            }
-        }
-        Err(e) if e.kind() == io::ErrorKind::NotFound => {}
-        Err(e) => {
-            return Err(Failure::output(out, &e).into());
-        }
-    }
-    Ok(())
 }
 
 /// Writes numbered pictures and the truth into a folder that appears only when it is complete.
@@ -327,6 +330,16 @@ fn film(
         .writes("--clip", file)
         .writes("its truth", &truth_path)
         .check()?;
+    if file
+        .extension()
+        .is_some_and(|e| !e.eq_ignore_ascii_case("avi"))
+    {
+        return Err(SinkError::Kind {
+            path: file.to_owned(),
+            expected: "a film that ends in .avi",
+        }
+        .into());
+    }
     expect_own(&truth_path, file)?;
     let no_clip = |e: io::Error| Failure::output(file, &e);
     let no_truth = |e: io::Error| Failure::output(&truth_path, &e);
@@ -356,9 +369,22 @@ fn film(
     )?;
     avi.finish().map_err(no_clip)?;
     about.finish().map_err(no_truth)?;
-    clip.finish().map_err(no_clip)?;
-    text.finish().map_err(no_truth)?;
+    end(
+        clip.finish().map_err(no_clip),
+        text.finish().map_err(no_truth),
+    )?;
     room.ended(file, &truth_path)
+}
+
+/// How a clip and its truth end, of which neither goes for want of the other's name.
+///
+/// # Errors
+/// The first's; the other's is said where both have one.
+fn end(clip: Result<(), Failure>, truth: Result<(), Failure>) -> Result<(), Failure> {
+    if let (Err(_), Err(e)) = (&clip, &truth) {
+        say::err(&e.to_string());
+    }
+    clip.and(truth)
 }
 
 fn jpeg(frame: &Frame, quality: u8) -> anyhow::Result<Vec<u8>> {
@@ -390,6 +416,28 @@ mod tests {
     use super::*;
     use crate::commands::exit;
 
+    /// Few small pictures.
+    fn args(out: Option<PathBuf>, clip: Option<PathBuf>) -> SynthArgs {
+        SynthArgs {
+            out,
+            clip,
+            frames: 2,
+            people: 1,
+            seed: 9,
+            width: 32,
+            height: 32,
+            fps: 10,
+            stills: false,
+            overhead: 0.0,
+            views: None,
+            masks: false,
+            observed: false,
+            truth_only: false,
+            quality: None,
+            format: PictureFormat::Jpg,
+        }
+    }
+
     #[test]
     fn pictures_and_truth_are_kept_when_it_is_stopped_and_views_are_not() {
         // Batches are as long as on two cores.
@@ -399,22 +447,9 @@ mod tests {
         let stopped = |out: &str, how: fn(SynthArgs) -> SynthArgs| {
             let out = folder.path().join(out);
             let args = how(SynthArgs {
-                out: Some(out.clone()),
-                clip: None,
                 frames: 200,
-                people: 1,
-                seed: 9,
-                width: 32,
-                height: 32,
-                fps: 10,
                 stills: true,
-                overhead: 0.0,
-                views: None,
-                masks: false,
-                observed: false,
-                truth_only: false,
-                quality: None,
-                format: PictureFormat::Jpg,
+                ..args(Some(out.clone()), None)
             });
             // After the first batch of 32.
             let asked = AtomicU64::new(0);
@@ -439,5 +474,21 @@ mod tests {
         assert!(said.contains("nothing was written"), "{said}");
         assert!(!out.exists());
         assert_eq!(count(folder.path()), 1, "nothing unfinished is left");
+    }
+
+    #[test]
+    fn a_clip_that_cannot_have_its_name_has_its_truth() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let args = args(None, Some(at("a.avi")));
+        // A folder comes into the clip's place while it is made.
+        let is_stopped = || {
+            let _ = std::fs::create_dir(at("a.avi"));
+            false
+        };
+        let said = write(&args, &is_stopped).unwrap_err();
+        assert_eq!(exit::code(&said), exit::CANNOT_CREATE);
+        assert!(exit::told(&said).ends_with("a-new.avi"), "{said}");
+        assert!(at("a-new.avi").is_file() && at("a.truth.json").is_file());
     }
 }

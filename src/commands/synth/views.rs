@@ -9,10 +9,11 @@ use image::codecs::png::PngEncoder;
 use indicatif::ProgressBar;
 
 use super::strip::{Part, Room, Stopped, render};
-use super::{SynthArgs, expect_empty, jpeg};
+use super::{SynthArgs, jpeg};
 use crate::bounded::DATA;
 use crate::camera::calibration::write_pose2sim;
 use crate::capture::AviWriter;
+use crate::commands::empty::expect_empty;
 use crate::commands::exit::Failure;
 use crate::lab::synth::TruthFrame;
 use crate::lab::synth::detector::{Detector, Flaws};
@@ -36,7 +37,7 @@ pub(super) fn write(
     out: &Path,
     is_stopped: &Stopped<'_>,
 ) -> anyhow::Result<()> {
-    expect_empty(out)?;
+    expect_empty(out, |_| false)?;
     let size = (args.width, args.height);
     let (people, fps) = (args.people as usize, args.fps as f32);
     let studio = Studio::new(args.seed, size, views, people, args.frames, fps);

@@ -298,7 +298,14 @@ impl<'a> Builder<'a> {
                         "give it one input, kernel and stride of 1 to 64",
                     ));
                 };
-                if self.can_be_negative(input) {
+                if input == Graph::INPUT && *kernel == 1 {
+                    return Err(self.error(
+                        format!("pooling `{name}` copies `input`, whose numbers are larger than those of layers"),
+                        "copy a layer",
+                    ));
+                }
+                // A window of one pixel reads nothing that lies around.
+                if *kernel > 1 && self.can_be_negative(input) {
                     return Err(self.error(
                         format!(
                             "pooling `{name}` reads `{}`, which can be negative, while 0 lies around it",
@@ -356,12 +363,12 @@ impl<'a> Builder<'a> {
 
     /// Whether a value may hold numbers below 0, as the picture does.
     fn can_be_negative(&self, value: ValueId) -> bool {
-        let writer = self.nodes.iter().find(|n| n.output == value);
-        match writer.map(|n| &n.op) {
-            None => true,
-            Some(Op::Conv { relu, .. }) => !relu,
-            // Refused where its input can be.
-            Some(Op::MaxPool { .. }) => false,
+        let Some(writer) = self.nodes.iter().find(|n| n.output == value) else {
+            return true;
+        };
+        match &writer.op {
+            Op::Conv { relu, .. } => !relu,
+            Op::MaxPool { .. } => self.can_be_negative(writer.inputs[0]),
         }
     }
 

@@ -221,6 +221,14 @@ mod tests {
             let wanted = format!("pooling `{pool}` reads `{input}`, which can be negative");
             assert!(said.contains(&wanted), "{said}");
         }
+        // A copy is no window, and as negative as what it copies.
+        let copy = r#"{ kind = "maxpool", name = "copy", kernel = 1, stride = 1 },"#;
+        let linear = format!("{} {copy}", conv(false));
+        assert!(with_layers(&linear).is_ok());
+        let said = pooled(&linear).unwrap_err().to_string();
+        assert!(said.contains("`pool` reads `copy`, which can be"), "{said}");
+        let said = with_layers(copy).unwrap_err().to_string();
+        assert!(said.contains("`copy` copies `input`"), "{said}");
     }
 
     #[test]

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | `conv` | convolution, then batch norm and ReLU unless `norm = false`, `relu = false` |
 //! | `deconv` | transposed convolution, the same otherwise |
-//! | `maxpool` | maximum over a window of a layer that ends in ReLU, or of another pool |
+//! | `maxpool` | maximum over a window of a layer that ends in ReLU, or of such a pool; with `kernel = 1` of any layer |
 //! | `selecsls` | a chain of SelecSLS modules `[in, skip, k, out, stride]` (XNect §6.1) |
 //! | `bottlenecks` | a chain of ResNet bottleneck blocks (He et al. 2016, §4.1) |
 //!

@@ -1,15 +1,16 @@
 //! Where results go: standard output, readers that leave, full disks.
 
 use std::io::{BufRead, BufReader};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use edgecap::message::BodyFrame;
 use edgecap_client::Subscriber;
+use rustix::fs::{AtFlags, Statx, StatxAttributes, StatxFlags};
 
 use super::{SMALL, count, cut_film, photo};
 use crate::program::stand_in::{StandIn, Watched};
-use crate::program::{assert_fails, edgecap, eventually, stderr, stream};
+use crate::program::{assert_fails, edgecap, eventually, stderr, stream, tools};
 
 /// As by `--jsonl /dev/stdout >> all.txt`.
 #[test]
@@ -173,4 +174,68 @@ fn results_on_a_full_disk_are_no_success() {
         let out = run().stdout(writer).output().unwrap();
         assert_eq!(out.status.code(), Some(0), "{args:?}: {}", stderr(&out));
     }
+}
+
+/// As containers have single files and folders of the same disk.
+#[test]
+fn a_mounted_folder_is_filled_and_a_mounted_file_refused_at_once() {
+    let alone = ["--user", "--map-root-user", "--mount"];
+    let folder = tempfile::tempdir().unwrap();
+    let tried = Command::new("unshare")
+        .args(alone)
+        .args(["sh", "-c", "mount --bind \"$1\" \"$1\"", "sh"])
+        .arg(folder.path())
+        .output();
+    if !tried.is_ok_and(|out| out.status.success()) {
+        tools::skip("unshare", "no mounts of their own for programs");
+        return;
+    }
+    let about = rustix::fs::statx(
+        rustix::fs::CWD,
+        folder.path(),
+        AtFlags::empty(),
+        StatxFlags::MNT_ID,
+    );
+    let tells = |about: Statx| {
+        let is_told = about.stx_attributes_mask;
+        is_told.contains(StatxAttributes::MOUNT_ROOT)
+            && about.stx_mask & StatxFlags::MNT_ID.bits() != 0
+    };
+    if !about.is_ok_and(tells) {
+        println!("skipped: this system does not tell where mounts begin");
+        return;
+    }
+    let at = |name: &str| folder.path().join(name);
+    for name in ["disk", "album"] {
+        std::fs::create_dir(at(name)).unwrap();
+    }
+    for name in ["disk.avi", "film.avi"] {
+        std::fs::write(at(name), "").unwrap();
+    }
+    let program = edgecap();
+    let synth = |more: &[&str]| {
+        let mounts = "mount --bind disk album && mount --bind disk.avi film.avi && exec \"$@\"";
+        Command::new("unshare")
+            .args(alone)
+            .args(["sh", "-c", mounts, "sh"])
+            .arg(program.get_program())
+            .args(["synth", "--frames", "1", "--people", "1"])
+            .args(["--width", "64", "--height", "64"])
+            .args(more)
+            .current_dir(folder.path())
+            .output()
+            .unwrap()
+    };
+    let made = synth(&["--stills", "--out", "album"]);
+    assert!(made.status.success(), "{}", stderr(&made));
+    for name in ["000000.jpg", "truth.json"] {
+        assert!(at("disk").join(name).exists(), "{name}");
+    }
+    assert_eq!(std::fs::read_dir(at("disk")).unwrap().count(), 2);
+    let refused = synth(&["--clip", "film.avi"]);
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(73), "{said}");
+    assert!(said.contains("film.avi: it is mounted by itself"), "{said}");
+    let left = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(left, 4, "nothing is left beside them");
 }

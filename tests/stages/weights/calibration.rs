@@ -50,6 +50,22 @@ fn multiples_that_cells_of_maps_do_not_divide_are_imported() {
     assert!(said.contains(wanted), "{said}");
 }
 
+/// What hidden files and folders are called makes them no photos.
+#[test]
+fn photos_to_calibrate_on_are_those_of_an_input() {
+    let own = Own::new(SMALL);
+    let (photos, to) = (own.path("photos"), own.path("m.ecm"));
+    std::fs::create_dir_all(own.path("photos/b.jpg")).unwrap();
+    std::fs::copy("docs/demo.jpg", own.path("photos/0.jpg")).unwrap();
+    std::fs::write(own.path("photos/._0.jpg"), "no picture").unwrap();
+    let out = own.import(&["--calibrate", &photos, "-o", &to]);
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(out.status.success(), "{said}");
+    let made = Model::open(Path::new(&to)).unwrap();
+    let said = made.calibration();
+    assert!(said.contains("over 1 pictures"), "{said}");
+}
+
 #[test]
 fn a_run_without_ranges_is_told_what_it_can_do() {
     let own = Own::new(SMALL);

@@ -128,3 +128,20 @@ fn float_weights_are_not_called_a_damaged_model() {
         );
     }
 }
+
+/// Read twice, a pipe would be empty the second time.
+#[test]
+fn a_model_in_a_pipe_is_the_same_as_in_its_file() {
+    let path = "models/open/edgecap-open.ecm";
+    let digest = blake3::hash(&std::fs::read(path).unwrap()).to_hex();
+    for verb in ["info", "verify"] {
+        let program = env!("CARGO_BIN_EXE_edgecap");
+        let script = r#"cat "$1" | "$0" model "$2" /dev/stdin"#;
+        let mut piped = std::process::Command::new("sh");
+        let piped = piped.args(["-c", script, program, path, verb]).output();
+        let piped = String::from_utf8(piped.unwrap().stdout).unwrap();
+        let plain = String::from_utf8(edgecap(&["model", verb, path]).stdout).unwrap();
+        assert!(plain.contains(digest.as_str()), "{plain}");
+        assert_eq!(piped, plain);
+    }
+}

@@ -178,10 +178,10 @@ fn numbers_that_an_import_cannot_take_are_refused() {
     let stage1 = "models/weights/stage1.safetensors";
     let import = ["model", "import", stage1, "--calibrate", "docs"];
     for wrong in ["nan", "7", "-3", "inf", "half"] {
-        let own = format!("--own-ranges={wrong}");
-        let out = edgecap(&[&import[..], &["-o", model.to_str().unwrap(), &own]].concat());
+        let own = ["-o", model.to_str().unwrap(), "--own-ranges", wrong];
+        let out = edgecap(&[&import[..], &own].concat());
         let said = String::from_utf8_lossy(&out.stderr).into_owned();
-        assert_eq!(out.status.code(), Some(64), "{own}: {said}");
+        assert_eq!(out.status.code(), Some(64), "{wrong}: {said}");
         assert!(
             said.contains("expected a number from 0 to 1") && said.contains(wrong),
             "{said}"
@@ -221,6 +221,36 @@ fn a_check_says_what_no_engine_runs() {
     assert!(said.contains(wanted), "{said}");
     let out = Own::new(SMALL).import(&["--check"]);
     assert!(out.status.success(), "{out:?}");
+}
+
+#[test]
+fn a_check_looks_at_pictures_their_size_and_the_place() {
+    let own = Own::new(SMALL);
+    let (photos, to) = (own.path("photos"), own.path("m.ecm"));
+    std::fs::create_dir(&photos).unwrap();
+    std::fs::copy("docs/demo.jpg", own.path("photos/0.jpg")).unwrap();
+    let checked = |more: &[&str]| {
+        let out = own.import(&[&["--check"], more].concat());
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        (out.status.code().unwrap(), said)
+    };
+    let (code, said) = checked(&["--calibrate", &photos, "-o", &to]);
+    assert_eq!(code, 0, "{said}");
+    assert!(!Path::new(&to).exists());
+    for (more, code, words) in [
+        (&["--calibrate", "/nowhere"][..], 66, "/nowhere"),
+        (&["--calibrate", &photos, "--width", "17"], 64, "found 17x"),
+        (&["-o", "/proc/nowhere/m.ecm"], 73, "/proc/nowhere/m.ecm"),
+        (
+            &["--calibrate", "/nowhere", "-o", "/proc/nowhere/m.ecm"],
+            65,
+            "; cannot write /proc/nowhere/m.ecm",
+        ),
+    ] {
+        let (found, said) = checked(more);
+        assert_eq!(found, code, "{said}");
+        assert!(said.contains(words), "{said}");
+    }
 }
 
 #[test]
