@@ -38,6 +38,9 @@ pub enum Miss {
 const HALVINGS: i32 = 2;
 /// Pictures with a side shorter than this show no edges that are too wide, pixels.
 const LEAST_SIDE: u32 = 240;
+/// Pictures with a side shorter than this show no board, pixels: corners are found by rings of 11 pixels across, and
+/// their detector takes it for granted that rows are long enough for one.
+const LEAST_FOR_CORNERS: u32 = 16;
 
 /// Finds one kind of board.
 pub struct Finder(Kind);
@@ -94,6 +97,9 @@ impl Finder {
 
     /// The corners in a grey picture as large as it is.
     fn look(&self, grey: &[u8], size: [u32; 2]) -> Result<Vec<Corner>, Miss> {
+        if size[0].min(size[1]) < LEAST_FOR_CORNERS {
+            return Err(Miss::Nothing);
+        }
         let corners = match &self.0 {
             Kind::Chess(detector, corners) => chess::find(detector, *corners, grey, size),
             Kind::Charuco(params) => charuco::find(params, grey, size),
@@ -200,6 +206,32 @@ mod tests {
                 assert!(apart < off, "{size:?}: {corner:?} is {apart} px off");
             }
         }
+    }
+
+    #[test]
+    fn pictures_that_are_too_narrow_for_a_corner_show_no_board() {
+        for board in ["9x6", "charuco:8x6:DICT_5X5_100"] {
+            let finder = Finder::new(&board.parse().unwrap()).unwrap();
+            for size in [[2, 400], [9, 400], [15, 400], [400, 2], [1, 1]] {
+                let found = finder.find(&noise(size), size);
+                assert_eq!(found, Err(Miss::Nothing), "{board}, {size:?}");
+            }
+            // The smallest ones that are looked at.
+            for size in [[16, 16], [16, 400], [400, 16]] {
+                let found = finder.find(&noise(size), size);
+                assert!(found.is_err(), "{board}, {size:?}: {found:?}");
+            }
+        }
+    }
+
+    fn noise(size: [u32; 2]) -> Vec<u8> {
+        let mut noise = 1_u32;
+        (0..3 * size[0] * size[1])
+            .map(|_| {
+                noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (noise >> 24) as u8
+            })
+            .collect()
     }
 
     #[test]

@@ -17,12 +17,15 @@ use super::say;
 use super::stop::Stop;
 use super::watch::Absence;
 use crate::bounded;
+use crate::capture::STDIN;
 use crate::config::{Mistake, Setting};
 use crate::counted::counted;
 use crate::events::{EventConfig, Line};
 use crate::record::{self, BodiesRow, RowReader};
 use crate::sink::{EventSink, Sinks};
 
+/// How pictures of a folder end.
+const PICTURES: [&str; 3] = ["jpg", "jpeg", "png"];
 /// How long to wait for a message before looking at the signals again.
 const LOOK_UP: Duration = Duration::from_millis(200);
 /// Messages that wait for who reads the lines. A stream itself keeps the newest few.
@@ -82,13 +85,21 @@ fn is_end(flags: u32) -> bool {
     flags & FLAG_END_OF_STREAM != 0
 }
 
-/// Whose bodies a row of a record holds. Those of films and devices say where these lie, some nothing at all.
-fn camera_of(source: &str, record: &Path) -> String {
-    let path = Path::new(source);
-    match path.file_stem() {
-        None => stream_name(record),
-        Some(stem) if stem == path => source.to_owned(),
-        Some(_) => stream_name(path),
+/// Whose bodies a row of a record holds: the name of the stream that its run had where nobody gave one. Rows of films
+/// and devices say where these lie, those of a folder's pictures where each picture does, some nothing at all.
+pub(super) fn camera_of(source: &str, record: &Path) -> String {
+    if source == STDIN {
+        return DEFAULT_NAME.to_owned();
+    }
+    let path = match source {
+        "" => record,
+        _ => Path::new(source),
+    };
+    let ending = path.extension().unwrap_or_default();
+    // In one picture alone nothing happens.
+    match PICTURES.iter().any(|p| ending.eq_ignore_ascii_case(p)) {
+        true => stream_name(path.parent().unwrap_or(path)),
+        false => stream_name(path),
     }
 }
 
@@ -346,6 +357,11 @@ mod tests {
         for (source, camera) in [
             ("hall", "hall"),
             ("", "tuesday"),
+            ("my film", "my_film"),
+            ("standard input", "camera0"),
+            ("photos/my walk/000004.JPG", "my_walk"),
+            ("photos/my walk/000008.png", "my_walk"),
+            ("000004.jpeg", "camera0"),
             ("films/my hall.mp4", "my_hall"),
             ("hall.mp4", "hall"),
             ("/dev/video0", "video0"),

@@ -1,15 +1,18 @@
 //! `edgecap export`: a record of bodies as a file of another program.
 
-use std::io::{self, BufRead, BufReader};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
 use tempfile::NamedTempFile;
 
 use super::apart::Apart;
-use super::exit::Failure;
+use super::exit::{Failure, told};
+use super::result::OUT;
 use super::say;
-use crate::export::{ExportError, Exported, Format, Take, encode};
+use crate::counted::counted;
+use crate::export::{ExportError, Exported, Format, Take, encode, plot_title};
 use crate::message::BodyFrame;
 use crate::output::{self, AtomicFile};
 use crate::record::{self, BodiesRow, Format as RecordFormat, Kind};
@@ -17,6 +20,11 @@ use crate::sink::{Packet, RecordSink, Sink, SinkError, Sinks};
 
 /// For more files of one take the disk is not waited for one after the other: of a week's visitors that takes minutes.
 const MOST_WAITED_FOR: usize = 20;
+
+/// The name of standard input.
+const STDIN: &str = "-";
+/// More than the name of a record takes.
+const HEAD_BYTES: u64 = 64 << 10;
 
 /// Options of `edgecap export`.
 #[derive(Debug, clap::Args)]
@@ -39,9 +47,9 @@ pub struct PlotArgs {
     /// A record of bodies, of 'run --record' or 'run --jsonl'; '-' for standard input
     #[arg(value_name = "RECORD")]
     input: PathBuf,
-    /// The SVG to write
-    #[arg(long, value_name = "FILE", default_value = "edgecap-out/plot.svg")]
-    to: PathBuf,
+    /// The SVG to write [default: edgecap-out/RECORD.plot.svg]
+    #[arg(long, value_name = "FILE")]
+    to: Option<PathBuf>,
     /// This person only
     #[arg(long, value_name = "ID")]
     person: Option<u32>,
@@ -52,18 +60,50 @@ pub struct PlotArgs {
 /// # Errors
 /// As [`export`].
 pub fn plot(args: PlotArgs) -> anyhow::Result<()> {
-    if !matches!(Format::of(&args.to), Ok(Format::Svg)) {
+    let to = args
+        .to
+        .unwrap_or_else(|| drawing(Path::new(OUT), &args.input));
+    if !matches!(Format::of(&to), Ok(Format::Svg)) {
         let message = format!(
             "{}: expected a name that ends in .svg; 'edgecap export' writes other files",
-            args.to.display()
+            to.display()
         );
         return Err(Failure::usage(message).into());
     }
     export(ExportArgs {
         input: args.input,
-        to: args.to,
+        to,
         person: args.person,
     })
+}
+
+/// Where the drawing of a record goes: called like it, with a number where that of another record is called so. What
+/// comes on standard input has no name of its own.
+fn drawing(folder: &Path, record: &Path) -> PathBuf {
+    if record == Path::new(STDIN) {
+        return folder.join("plot.svg");
+    }
+    let name = record.file_stem().unwrap_or_default().display();
+    let title = plot_title(&record.display().to_string());
+    let mut number = 1;
+    loop {
+        let path = folder.join(match number {
+            1 => format!("{name}.plot.svg"),
+            n => format!("{name}-{n}.plot.svg"),
+        });
+        if head(&path).is_none_or(|head| head.contains(&title)) {
+            return path;
+        }
+        number += 1;
+    }
+}
+
+/// The first bytes of a file, in which a drawing says what it is of; `None` where there is nothing.
+fn head(drawing: &Path) -> Option<String> {
+    let mut head = Vec::new();
+    let file = File::open(drawing).ok()?;
+    file.take(HEAD_BYTES).read_to_end(&mut head).ok()?;
+    Some(String::from_utf8_lossy(&head).into_owned())
 }
 
 /// Reads a whole record and writes it in the format of the file's extension.
@@ -79,7 +119,7 @@ pub fn export(args: ExportArgs) -> anyhow::Result<()> {
         .check()?;
     let name = args.input.display().to_string();
     let input: Box<dyn BufRead> = match name.as_str() {
-        "-" => Box::new(std::io::stdin().lock()),
+        STDIN => Box::new(std::io::stdin().lock()),
         _ => open(&args.input)?,
     };
     let take = Take::read_of(input, &name, args.person)?;
@@ -107,7 +147,7 @@ fn open(path: &Path) -> anyhow::Result<Box<dyn BufRead>> {
 }
 
 /// What there is now, a line each, and how it ended: with the first failure, after which others are written all the
-/// same.
+/// same. What else failed is said on standard error.
 type Written = (Vec<String>, anyhow::Result<()>);
 
 /// Writes a take's files. Those of a take that broke off do not replace longer ones.
@@ -117,12 +157,18 @@ fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> Written {
         Err(e) => return (Vec::new(), Err(e.into())),
     };
     let is_waited_for = files.len() <= MOST_WAITED_FOR;
-    let (mut lines, mut first) = (Vec::new(), Ok(()));
+    let (mut lines, mut first, mut more) = (Vec::new(), Ok(()), 0_u32);
     for file in files {
         let beside = match write_file(&file, is_waited_for, is_broken) {
             Ok(beside) => beside,
             Err(e) => {
-                first = first.and(Err(Failure::output(&file.path, &e).into()));
+                let failure = Failure::output(&file.path, &e);
+                match first {
+                    Ok(()) => first = Err(failure.into()),
+                    // Of each that lies elsewhere its place must be known; all others are as the first.
+                    Err(_) if output::kept_at(&e).is_some() => say::err(&failure.to_string()),
+                    Err(_) => more += 1,
+                }
                 continue;
             }
         };
@@ -131,6 +177,10 @@ fn write(take: &Take, format: Format, to: &Path, is_broken: bool) -> Written {
             format!(" (begins {seconds:.3} s after the first of all)")
         });
         lines.push(format!("→ {}{late}", path.display()));
+    }
+    if more > 0 {
+        let files = counted(more, "more file", "more files");
+        say::err(&format!("{}: {files} could not be written", to.display()));
     }
     (lines, first)
 }
@@ -196,7 +246,10 @@ impl Exports {
         for (format, to) in &self.0 {
             let (more, written) = write(take, *format, to, is_broken);
             lines.extend(more);
-            first = first.and(written);
+            match written {
+                Err(e) if first.is_err() => say::err(&told(&e)),
+                written => first = first.and(written),
+            }
         }
         (lines, first)
     }
@@ -329,6 +382,25 @@ mod tests {
         let e = written.unwrap_err();
         assert_eq!(exit::code(&e), exit::DATA, "the first: {e}");
         assert!(e.to_string().contains("4 GiB of numbers"), "{e}");
+    }
+
+    #[test]
+    fn every_record_has_a_drawing_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let drawn = |record: &str| {
+            let to = drawing(folder.path(), Path::new(record));
+            let mut take = take(&[0, 1, 2]);
+            take.name = record.to_owned();
+            write(&take, Format::Svg, &to, false).1.unwrap();
+            to.file_name().unwrap().to_str().unwrap().to_owned()
+        };
+        let names = ["hall.record", "a & b/hall.record", "walk.jsonl", "-"].map(drawn);
+        let expected = ["hall", "hall-2", "walk"].map(|name| format!("{name}.plot.svg"));
+        assert_eq!(names[..3], expected);
+        assert_eq!(names[3], "plot.svg");
+        let again = drawn("a & b/hall.record");
+        assert_eq!(again, "hall-2.plot.svg", "it is replaced");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 4);
     }
 
     #[test]

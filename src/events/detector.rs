@@ -36,12 +36,22 @@ pub struct Detector {
     config: EventConfig,
     people: BTreeMap<u32, Person>,
     main: Steady<Option<u32>>,
-    /// Number of the newest frame, and its time in nanoseconds.
-    last: Option<(u64, u64)>,
+    last: Option<Newest>,
     /// Whether ids begin anew with the next frame, whatever its number and time.
     begins_anew: bool,
-    /// Between the frames before, the newest first, seconds: one pause makes no slow camera.
+    /// Between the frames before, the newest first, seconds: one pause makes no slow camera. Bodies that are
+    /// extrapolated or held until the next picture comes are none, their number is that of the frame before.
     steps: [f64; 2],
+}
+
+/// The newest message that told something.
+#[derive(Debug, Clone, Copy)]
+struct Newest {
+    /// Number of its frame.
+    sequence: u64,
+    /// Its time, and that of the first message with this number, nanoseconds.
+    pose_ns: u64,
+    began_ns: u64,
 }
 
 impl Detector {
@@ -64,22 +74,29 @@ impl Detector {
         let time = seconds(frame.pose_ns);
         let mut happened = Vec::new();
         let begins_anew = std::mem::take(&mut self.begins_anew);
-        if let Some((number, last)) = self.last {
-            let goes_back =
-                frame.sequence < number || frame.pose_ns.saturating_add(RESTART_NS) < last;
+        if let Some(last) = self.last {
+            let goes_back = frame.sequence < last.sequence
+                || frame.pose_ns.saturating_add(RESTART_NS) < last.pose_ns;
             if begins_anew || goes_back {
-                happened = self.everybody_leaves(seconds(last));
+                happened = self.everybody_leaves(seconds(last.pose_ns));
                 *self = Self::new(self.config.clone());
-            } else if frame.pose_ns < last {
+            } else if frame.pose_ns < last.pose_ns {
                 return Vec::new();
             }
         }
         let silence = SILENCE.max(2.0 * self.steps[0].min(self.steps[1]));
-        let last = self.last.replace((frame.sequence, frame.pose_ns));
-        let gap = last.map(|(_, last)| time - seconds(last));
-        if let Some(gap) = gap {
-            self.steps = [gap.min(SLOWEST), self.steps[0]];
+        let last = self.last;
+        let same = last.filter(|last| last.sequence == frame.sequence);
+        self.last = Some(Newest {
+            sequence: frame.sequence,
+            pose_ns: frame.pose_ns,
+            began_ns: same.map_or(frame.pose_ns, |last| last.began_ns),
+        });
+        if let Some(last) = last.filter(|_| same.is_none()) {
+            let step = time - seconds(last.began_ns);
+            self.steps = [step.min(SLOWEST), self.steps[0]];
         }
+        let gap = last.map(|last| time - seconds(last.pose_ns));
         let unwatched = gap.filter(|gap| *gap > silence).unwrap_or_default();
         for body in frame
             .bodies()

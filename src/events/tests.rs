@@ -319,19 +319,31 @@ fn time_in_which_nobody_looked_is_no_stay() {
 
 #[test]
 fn of_a_slow_camera_everything_is_told() {
-    let slow =
-        |frames: std::ops::Range<u32>, body| frames.map(move |k| frame(10.0 * f64::from(k), body));
-    let mut detector = Detector::new(EventConfig::default());
-    let frames = slow(0..4, None).chain(slow(4..10, Some(hand(true))));
-    let told = look(&mut detector, frames.chain(slow(10..14, None)));
-    assert_eq!(
-        kinds(&told),
-        [
-            EventKind::ENTERED,
-            EventKind::HAND_RAISED,
-            EventKind::MAIN_PERSON,
-            EventKind::LEFT,
-            EventKind::MAIN_PERSON
-        ]
-    );
+    // A picture, and bodies that go on for 0.1 s and are held then, as `fit --rate` has them.
+    let picture = |k: u32, body, ahead: &[f64]| {
+        let messages = ahead.iter().map(|ahead| BodyFrame {
+            sequence: k.into(),
+            ..frame(10.0 * f64::from(k) + ahead, body)
+        });
+        messages.collect::<Vec<_>>()
+    };
+    let alone: &[f64] = &[0.0];
+    for ahead in [alone, &[0.0, 0.05, 0.1, 0.1, 0.1]] {
+        let slow =
+            |frames: std::ops::Range<u32>, body| frames.flat_map(move |k| picture(k, body, ahead));
+        let mut detector = Detector::new(EventConfig::default());
+        let frames = slow(0..4, None).chain(slow(4..10, Some(hand(true))));
+        let told = look(&mut detector, frames.chain(slow(10..14, None)));
+        assert_eq!(
+            kinds(&told),
+            [
+                EventKind::ENTERED,
+                EventKind::HAND_RAISED,
+                EventKind::MAIN_PERSON,
+                EventKind::LEFT,
+                EventKind::MAIN_PERSON
+            ],
+            "{ahead:?}"
+        );
+    }
 }

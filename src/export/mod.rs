@@ -22,6 +22,7 @@ pub use error::ExportError;
 pub use gltf::{MeshTrack, encode_meshes};
 pub use lives::Lives;
 pub use motion::{Axes, Motion};
+pub use plot::title as plot_title;
 pub use take::Take;
 pub use times::{Clock, RATE, Stamp, usual_rate, usual_step};
 
@@ -186,7 +187,7 @@ pub fn encode<'a>(
         }]);
     }
     let is_alone = take.people.len() == 1;
-    // They may take a look at everybody: not again for each.
+    // They take a look at every frame: not again for each.
     let (start, rate, axes) = (take.start(), take.rate(), Axes::of(take));
     let files = take.people.iter().map(|(&id, samples)| {
         let path = match is_alone {

@@ -16,8 +16,6 @@ const HELD: f64 = 1.0;
 
 /// Steps around a sample in which somebody is taken to be there.
 const NEAR: f64 = 1.5;
-/// Joints of which one is on the ground: the ankles, and the tips of the feet.
-const FEET: [usize; 4] = [10, 13, 19, 20];
 /// One of so many frames may have a foot below the ground: what was fitted wrong must not lift everybody.
 const ONE_BELOW: usize = 100;
 
@@ -59,7 +57,7 @@ impl Motion {
     pub fn all(take: &Take) -> Result<impl Iterator<Item = Self>, ExportError> {
         let rate = take.rate();
         Self::expect(take, rate, 0.0)?;
-        // They may take a look at everybody: not again for each.
+        // They take a look at every frame: not again for each.
         let axes = Axes::of(take);
         let ids = take.people.keys();
         Ok(ids.map(move |&id| Self::of(take, id, rate, &axes)))
@@ -159,7 +157,7 @@ pub struct Axes {
 }
 
 impl Axes {
-    /// Of a take.
+    /// Of a take: the same for one of its people as for all.
     pub fn of(take: &Take) -> Self {
         if let Some(world) = take.floor() {
             return Self {
@@ -171,13 +169,10 @@ impl Axes {
             turn: DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0),
             origin: DVec3::ZERO,
         };
-        let mut lowest = vec![f64::INFINITY; take.frames.len()];
-        for sample in take.people.values().flatten() {
-            let feet = FEET.map(|joint| upright.point(sample.body.joints3d[joint]).y);
-            let foot = &mut lowest[sample.frame];
-            *foot = feet.into_iter().fold(*foot, f64::min);
-        }
-        lowest.retain(|foot| foot.is_finite());
+        // Upright it is y that is turned over.
+        let feet = take.frames.iter().filter_map(|frame| frame.lowest_foot);
+        let heights = feet.map(|down| -f64::from(down));
+        let mut lowest: Vec<f64> = heights.filter(|height| height.is_finite()).collect();
         lowest.sort_unstable_by(f64::total_cmp);
         let ground = lowest.get(lowest.len() / ONE_BELOW).copied();
         Self {

@@ -13,8 +13,9 @@ const RIGHT: f64 = 16.0;
 const TOP: f64 = 44.0;
 /// Between two panels.
 const GAP: f64 = 34.0;
-/// Points of a line: more than pixels show nothing more.
-const POINTS: usize = 2000;
+/// Width of a column of the picture, in its units, in which a line has four points at most: as wide as a pixel where
+/// the picture is shown at twice its size.
+const COLUMN: f64 = 0.5;
 
 /// A panel: its title, and what it shows of a body.
 struct Panel {
@@ -53,7 +54,8 @@ pub fn encode(take: &Take) -> String {
     let height = TOP + panels.len() as f64 * (PANEL + GAP);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" font-family=\"sans-serif\" \
-         font-size=\"12\">\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#fff\"/>\n"
+         font-size=\"12\">\n{}\n<rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#fff\"/>\n",
+        title(&take.name)
     );
     legend(take, &mut out);
     for (n, panel) in panels.iter().enumerate() {
@@ -61,6 +63,22 @@ pub fn encode(take: &Take) -> String {
     }
     out += "</svg>\n";
     out
+}
+
+/// A line that says what a drawing is of, and is in a drawing of nothing else.
+pub fn title(record: &str) -> String {
+    let mut line = "<title>".to_owned();
+    for c in record.chars() {
+        match c {
+            '&' => line += "&amp;",
+            '<' => line += "&lt;",
+            '>' => line += "&gt;",
+            // XML has no way to write most of them.
+            c if c.is_control() => line.push(char::REPLACEMENT_CHARACTER),
+            c => line.push(c),
+        }
+    }
+    line + "</title>"
 }
 
 fn legend(take: &Take, out: &mut String) {
@@ -123,9 +141,9 @@ fn draw(take: &Take, panel: &Panel, top: f64, out: &mut String) {
     }
     let time = |sample: &Sample| take.frames[sample.frame].time;
     // Of a shorter pause nothing is seen.
-    let (rate, finest) = (take.rate(), end / POINTS as f64);
+    let finest = COLUMN * end / (WIDTH - LEFT - RIGHT);
+    let rate = take.rate();
     for (id, samples) in &take.people {
-        let every = samples.len().div_ceil(POINTS);
         let points = samples.iter().map(|s| (s, (panel.value)(s)));
         let points: Vec<(&Sample, f64)> = points.filter(|(_, value)| value.is_finite()).collect();
         // All samples tell where somebody is away, whichever are drawn.
@@ -135,11 +153,14 @@ fn draw(take: &Take, panel: &Panel, top: f64, out: &mut String) {
         });
         let mut path = String::new();
         for run in runs {
-            for (n, (sample, value)) in run.iter().enumerate() {
-                if n % every == 0 || n + 1 == run.len() {
-                    let letter = if n == 0 { 'M' } else { 'L' };
-                    let _ = write!(path, "{letter}{:.1} {:.1}", x(time(sample)), y(*value));
-                }
+            // Columns begin with the line: who is in view for less than one has four points, wherever they are.
+            let from = x(time(run[0].0));
+            let column = |sample: &Sample| ((x(time(sample)) - from) / COLUMN) as u64;
+            let columns = run.chunk_by(|(before, _), (after, _)| column(before) == column(after));
+            let mut letter = 'M';
+            for (sample, value) in columns.flat_map(outline) {
+                let _ = write!(path, "{letter}{:.1} {:.1}", x(time(sample)), y(*value));
+                letter = 'L';
             }
             // With round ends a dot.
             if run.len() == 1 {
@@ -153,6 +174,18 @@ fn draw(take: &Take, panel: &Panel, top: f64, out: &mut String) {
             colour(*id)
         );
     }
+}
+
+/// What is seen of a column's points, of which there is one at least: the first, the lowest, the highest and the last,
+/// in their order, each once.
+fn outline<T>(column: &[(T, f64)]) -> impl Iterator<Item = &(T, f64)> {
+    let by_value = |a: &usize, b: &usize| column[*a].1.total_cmp(&column[*b].1);
+    let lowest = (0..column.len()).min_by(by_value).unwrap_or_default();
+    let highest = (0..column.len()).max_by(by_value).unwrap_or_default();
+    let mut kept = vec![0, lowest, highest, column.len() - 1];
+    kept.sort_unstable();
+    kept.dedup();
+    kept.into_iter().map(|place| &column[place])
 }
 
 /// The next of 1, 2, 5, 10, … times a power of ten.
@@ -178,6 +211,18 @@ fn colour(id: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_a_column_the_ends_and_the_extremes_are_seen() {
+        let seen = |values: &[f64]| -> Vec<usize> {
+            let column: Vec<(usize, f64)> = values.iter().copied().enumerate().collect();
+            outline(&column).map(|(place, _)| *place).collect()
+        };
+        assert_eq!(seen(&[3.0]), [0]);
+        assert_eq!(seen(&[3.0, 3.0, 3.0]), [0, 2]);
+        assert_eq!(seen(&[3.0, 4.0, 9.0, 4.0, 1.0, 2.0, 5.0]), [0, 2, 4, 6]);
+        assert_eq!(seen(&[9.0, 4.0, 4.0, 1.0]), [0, 3]);
+    }
 
     #[test]
     fn steps_and_numbers_are_round() {

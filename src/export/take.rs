@@ -14,6 +14,8 @@ use crate::record::{BodiesRow, RowReader};
 const MOST_RATE: f64 = 1e3;
 /// People listed in an error.
 const MOST_LISTED: usize = 20;
+/// Joints of which one is on the ground: the ankles, and the tips of the feet.
+const FEET: [usize; 4] = [10, 13, 19, 20];
 
 /// A frame, without its people.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +26,9 @@ pub struct Frame {
     pub time: f64,
     /// As it was known then.
     pub world: World,
+    /// How far down the lowest foot is of all who are in it, also of those who are not held: y of the camera's axes,
+    /// metres. `None` where nobody is.
+    pub lowest_foot: Option<f32>,
 }
 
 /// Somebody in a frame.
@@ -38,6 +43,8 @@ pub struct Sample {
 /// A record.
 #[derive(Debug, Clone, Default)]
 pub struct Take {
+    /// What the record is called.
+    pub name: String,
     /// By rising time.
     pub frames: Vec<Frame>,
     /// Everybody's samples by id, by rising time. Ids of bodies whose publisher was started again meanwhile, and which
@@ -58,7 +65,8 @@ impl Take {
         Self::read_of(input, name, None)
     }
 
-    /// The same of one person, of whom a record of days can be held; `None`: of everybody.
+    /// The same of one person, of whom a record of days can be held; `None`: of everybody. Frames are the same: alone
+    /// somebody is where and when they are among all.
     ///
     /// # Errors
     /// As [`read`](Self::read); [`ExportError::NoPerson`], [`ExportError::NoTime`].
@@ -68,7 +76,10 @@ impl Take {
         person: Option<u32>,
     ) -> Result<Self, ExportError> {
         let mut rows = RowReader::<_, BodiesRow>::new(input, name);
-        let mut take = Self::default();
+        let mut take = Self {
+            name: name.to_owned(),
+            ..Self::default()
+        };
         let mut stamps: Vec<times::Stamp> = Vec::new();
         let mut lives = Lives::default();
         let (mut ids, mut held) = (BTreeSet::new(), 0_u64);
@@ -84,6 +95,7 @@ impl Take {
                 sequence: message.sequence,
                 time: 0.0,
                 world: message.world,
+                lowest_foot: lowest_foot(message.bodies()),
             });
             for body in message.bodies() {
                 let id = body.id;
@@ -154,14 +166,9 @@ impl Take {
 
     /// Frames a second while somebody is in view.
     pub fn rate(&self) -> f64 {
-        let mut inhabited = vec![false; self.frames.len()];
-        for sample in self.people.values().flatten() {
-            inhabited[sample.frame] = true;
-        }
-        let each = self.frames.windows(2).zip(inhabited.windows(2));
-        let steps = each.map(|(frames, inhabited)| {
-            let step = frames[1].time - frames[0].time;
-            (step, inhabited[0] && inhabited[1])
+        let steps = self.frames.windows(2).map(|pair| {
+            let is_inhabited = pair.iter().all(|frame| frame.lowest_foot.is_some());
+            (pair[1].time - pair[0].time, is_inhabited)
         });
         times::usual_rate(steps).map_or(RATE, |rate| rate.min(MOST_RATE))
     }
@@ -171,6 +178,14 @@ impl Take {
         let known = self.frames.iter().rev().find(|f| f.world.is_known());
         known.map(|f| f.world)
     }
+}
+
+/// How far down the lowest foot of these people is, metres; `None` where there are none.
+pub(super) fn lowest_foot(bodies: &[Body]) -> Option<f32> {
+    let feet = bodies
+        .iter()
+        .flat_map(|body| FEET.map(|joint| body.joints3d[joint][1]));
+    feet.reduce(f32::max)
 }
 
 /// The id that two of a frame's bodies have, if any do: no format could tell them apart.

@@ -1,11 +1,14 @@
 //! Records whose times and ids are as a publisher that waits, ends or is started again leaves them.
 
 use std::io::Cursor;
+use std::slice;
 use std::time::Instant;
 
-use super::take::{Frame, Sample};
+use super::take::{Frame, Sample, lowest_foot};
 use super::*;
-use crate::joints::JOINT_NAMES;
+use crate::body::BodyModel;
+use crate::body::mesh::MeshBody;
+use crate::joints::{JOINT_NAMES, PELVIS};
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, World};
 use crate::npz::Archive;
 use crate::record::{BodiesRow, Format as RecordFormat, RecordWriter, Row};
@@ -73,6 +76,48 @@ fn two_people_of_one_id_in_a_frame_are_refused() {
         );
         assert!(line.contains("two people with the id 2"), "{line}");
         assert!(matches!(refused, ExportError::Record(_)), "{line}");
+    }
+}
+
+/// A record in which two people stand, each with the feet so far down, metres, and which knows no floor. The second is
+/// in the first ten frames only, of which there are fewer a second.
+fn two_without_a_floor(down: [f32; 2]) -> Vec<u8> {
+    let mut lines = Vec::new();
+    for k in 0..40_u64 {
+        let mut message = BodyFrame {
+            sequence: k,
+            pose_ns: k * SECOND / 10 - k.saturating_sub(10) * SECOND / 20,
+            count: if k < 10 { 2 } else { 1 },
+            ..BodyFrame::default()
+        };
+        for ((id, body), down) in (1..).zip(&mut message.bodies).zip(down) {
+            body.id = id;
+            body.joints3d = [[0.0, down, 3.0]; JOINT_NAMES.len()];
+        }
+        serde_json::to_writer(&mut lines, &BodiesRow::new(&message, "")).unwrap();
+        lines.push(b'\n');
+    }
+    lines
+}
+
+#[test]
+fn alone_somebody_is_as_high_and_as_fast_as_among_all() {
+    for down in [[1.0, 0.82], [0.82, 1.0]] {
+        let lines = two_without_a_floor(down);
+        let motions = |person| -> Vec<Motion> {
+            let take = Take::read_of(&lines[..], "record", person).unwrap();
+            Motion::all(&take).unwrap().collect()
+        };
+        let all = motions(None);
+        assert_eq!(all.len(), 2);
+        for (among_all, down) in all.iter().zip(down) {
+            let alone = &motions(Some(among_all.id))[0];
+            let height = |motion: &Motion| motion.moments[0].position.y;
+            assert!((height(among_all) - f64::from(1.0 - down)).abs() < 1e-6);
+            assert_eq!(height(alone), height(among_all), "{down} m down");
+            assert_eq!(alone.rate, among_all.rate, "{down} m down");
+            assert_eq!(alone.moments.len(), among_all.moments.len());
+        }
     }
 }
 
@@ -225,6 +270,16 @@ fn ids_of_a_camera_whose_clock_goes_back_are_somebody_else_s() {
     assert_eq!(ids(FLAG_FILE_TIME), [1]);
 }
 
+/// Gives frames the lowest feet of the people in them, as where a record is read.
+fn with_feet(take: &mut Take) {
+    take.frames.iter_mut().for_each(|f| f.lowest_foot = None);
+    for sample in take.people.values().flatten() {
+        let foot = lowest_foot(slice::from_ref(&sample.body));
+        let lowest = &mut take.frames[sample.frame].lowest_foot;
+        *lowest = (*lowest).into_iter().chain(foot).reduce(f32::max);
+    }
+}
+
 /// Frames at these times, seconds, and in which of them somebody is.
 fn visits(frames: impl Iterator<Item = (f64, bool)>) -> Take {
     let mut take = Take::default();
@@ -233,6 +288,7 @@ fn visits(frames: impl Iterator<Item = (f64, bool)>) -> Take {
             sequence: frame as u64,
             time,
             world: World::default(),
+            lowest_foot: None,
         });
         if is_there {
             let body = Body::default();
@@ -240,16 +296,56 @@ fn visits(frames: impl Iterator<Item = (f64, bool)>) -> Take {
             samples.push(Sample { frame, body });
         }
     }
+    with_feet(&mut take);
     take
+}
+
+/// The curves of a take, panel by panel, in each by rising id.
+fn curves(take: &Take) -> Vec<String> {
+    let svg = plot::encode(take);
+    let paths = svg.split("<path d=\"").skip(1);
+    let curves = paths.filter(|path| path.contains("stroke-width=\"1.5\""));
+    let curves = curves.map(|path| path.split('"').next().unwrap().to_owned());
+    curves.collect()
 }
 
 /// How often the first curve begins, and its lines.
 fn strokes(take: &Take) -> (usize, usize) {
-    let svg = plot::encode(take);
-    let paths = svg.split("<path d=\"").skip(1);
-    let mut curves = paths.filter(|path| path.contains("stroke-width=\"1.5\""));
-    let curve = curves.next().unwrap().split('"').next().unwrap();
+    let curve = &curves(take)[0];
     (curve.matches('M').count(), curve.matches('L').count())
+}
+
+#[test]
+fn a_curve_shows_every_peak_and_of_who_is_narrower_than_a_pixel_four_points() {
+    let mut take = visits((0..40_000).map(|k| (f64::from(k) / 30.0, true)));
+    let samples = take.people.get_mut(&1).unwrap();
+    for sample in &mut samples[20_005..20_015] {
+        sample.body.joints3d[PELVIS][1] = -1.0;
+    }
+    // For two thirds of a second, up and down all the time.
+    let visitor = (30_001..30_021).map(|frame| {
+        let mut body = Body::default();
+        body.joints3d[PELVIS][1] = -0.01 * (frame % 7) as f32;
+        Sample { frame, body }
+    });
+    take.people.insert(2, visitor.collect());
+    let curves = curves(&take);
+    let heights = |curve: &str| -> Vec<f64> {
+        let points = curve.split(['M', 'L']).skip(1);
+        points
+            .map(|p| p.split_once(' ').unwrap().1.parse().unwrap())
+            .collect()
+    };
+    let highest = |curve: &str| heights(curve).into_iter().fold(f64::INFINITY, f64::min);
+    // The first panel is the pelvis'; its top is 1 m.
+    let [all, visitor] = [&curves[0], &curves[1]].map(|curve| highest(curve));
+    let top = 44.0;
+    assert_eq!(all, top);
+    assert!(visitor > top + 100.0, "{visitor}");
+    for curve in curves.iter().skip(1).step_by(2) {
+        let points = heights(curve).len();
+        assert!((2..=4).contains(&points), "{points}: {curve}");
+    }
 }
 
 #[test]
@@ -313,6 +409,7 @@ fn what_is_fitted_too_low_in_one_frame_does_not_lift_everybody() {
         let joint = JOINT_NAMES.iter().position(|name| *name == wrong).unwrap();
         samples[frame].body.joints3d[joint][1] = 1.5;
     }
+    with_feet(&mut take);
     let axes = Axes::of(&take);
     let heights = [0.0, 1.0].map(|y| axes.point([0.0, y, 3.0]).y);
     assert!(
@@ -329,11 +426,13 @@ fn crowd(times: impl Iterator<Item = f64>) -> Take {
             sequence: frame as u64,
             time,
             world: World::default(),
+            lowest_foot: None,
         });
         let body = Body::default();
         take.people
             .insert(frame as u32, vec![Sample { frame, body }]);
     }
+    with_feet(&mut take);
     take
 }
 
@@ -343,12 +442,19 @@ fn steps_are_no_shorter_than_a_camera_s() {
     assert_eq!(take.rate(), 1000.0);
 }
 
-/// Two thousand visitors of a week took as many looks at all of them.
+/// Two thousand visitors of a week took as many looks at all of it.
 #[test]
-fn everybody_is_looked_at_once_for_the_floor_and_not_once_for_each() {
-    const PEOPLE: u32 = 3000;
-    const LOOKS: u32 = 100;
-    let take = crowd((0..PEOPLE).map(|k| f64::from(k) / 30.0));
+fn frames_are_looked_at_once_for_the_floor_and_not_once_for_each_person() {
+    const PEOPLE: u32 = 300;
+    const LOOKS: u32 = 20;
+    let mut take = crowd((0..PEOPLE).map(|k| f64::from(k) / 30.0));
+    let empty = (PEOPLE..1000 * PEOPLE).map(|k| Frame {
+        sequence: k.into(),
+        time: f64::from(k) / 30.0,
+        world: World::default(),
+        lowest_foot: None,
+    });
+    take.frames.extend(empty);
     let began = Instant::now();
     for _ in 0..LOOKS {
         assert!(Axes::of(&take).point([0.0; 3]).is_finite());
@@ -456,6 +562,7 @@ fn a_bvh_whose_first_pose_is_held_is_never_held_itself() {
     let body = Body::default();
     let later = (30..60).map(|frame| Sample { frame, body });
     take.people.insert(2, later.collect());
+    with_feet(&mut take);
     let files = encode(&take, Format::Bvh, "a.bvh".as_ref()).unwrap();
     let mut pieces = Pieces::default();
     files[1].write(&mut pieces).unwrap();
@@ -514,10 +621,52 @@ fn times_of_a_glb_begin_with_the_first_person_and_rise_after_a_week() {
         let (_, times, sizes) = tracks.iter().find(|(name, ..)| name == who).unwrap();
         (times.clone(), sizes.clone())
     };
-    assert_eq!(sizes("person 1"), (vec![0.0, 4.0], vec![1.0, 0.0]));
+    assert_eq!(sizes("person 1"), (vec![0.0], vec![1.0]));
     let (times, there) = sizes("person 2");
-    assert_eq!(there, [0.0, 1.0, 0.0], "away, there, away again");
+    assert_eq!(there, [0.0, 1.0], "away, there");
     assert!((times[1] - 3.0).abs() < 1e-5, "{times:?}");
+}
+
+/// The keys of everybody's size, by rising id.
+fn sizes(take: &Take) -> Vec<(Vec<f32>, Vec<f32>)> {
+    let tracks = glb(take).into_iter();
+    let sizes = tracks.filter(|(name, ..)| name.starts_with("person "));
+    sizes.map(|(_, times, sizes)| (times, sizes)).collect()
+}
+
+#[test]
+fn whoever_is_in_the_last_frame_of_a_glb_stays() {
+    let photo = sizes(&take(&[(0, 0, &[1])]));
+    assert_eq!(photo, [(vec![0.0], vec![1.0])]);
+    let who = |k: u64| -> &[u32] { if k < 10 { &[1, 2] } else { &[2] } };
+    let mut film: Vec<Message<'_>> = (0..30).map(|k| (k, k * SECOND / 30, who(k))).collect();
+    let of_film = sizes(&take(&film));
+    let keys = |n: usize| (of_film[n].0.len(), of_film[n].1.as_slice());
+    assert_eq!(keys(0), (2, &[1.0, 0.0][..]), "who has left");
+    assert_eq!(keys(1), (1, &[1.0][..]), "who is in the last frame");
+    film.push((30, SECOND, &[]));
+    let gone = sizes(&take(&film));
+    assert_eq!(gone[1].1, [1.0, 0.0], "nobody is in the last frame");
+}
+
+#[test]
+fn whose_mesh_has_a_pose_in_the_last_frame_stays() {
+    let body = MeshBody::shipped();
+    let person = body.person(&[]);
+    let pose = body.rest_pose();
+    let track = |id, times: &[f64]| MeshTrack {
+        id,
+        person: &person,
+        poses: times.iter().map(|time| (*time, &pose)).collect(),
+    };
+    let tracks = [track(1, &[0.0, 0.1]), track(2, &[0.0, 0.1, 0.2])];
+    for (end, of_the_last) in [(0.2, vec![1.0]), (0.3, vec![1.0, 0.0])] {
+        let file = encode_meshes(body, &tracks, &Axes::default(), 10.0, end).unwrap();
+        let sizes = self::tracks(&file).into_iter();
+        let sizes = sizes.filter(|(name, ..)| name.starts_with("person "));
+        let sizes: Vec<Vec<f32>> = sizes.map(|(_, _, sizes)| sizes).collect();
+        assert_eq!(sizes, [vec![1.0, 0.0], of_the_last]);
+    }
 }
 
 #[test]
@@ -530,9 +679,8 @@ fn who_comes_a_week_after_the_first_has_times_that_rise() {
         let (_, _, sizes) = tracks.iter().find(|(name, ..)| name == who).unwrap();
         sizes.clone()
     };
-    for who in ["person 2", "person 3"] {
-        assert_eq!(last(who), [0.0, 1.0, 0.0], "{who}");
-    }
+    assert_eq!(last("person 2"), [0.0, 1.0, 0.0]);
+    assert_eq!(last("person 3"), [0.0, 1.0], "in the last frame");
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub fn exposition(build: &str, meters: &[Arc<Meter>]) -> String {
     each(
         "edgecap_up",
         "gauge",
-        "1 where bodies are published, 0 where none came for 3 seconds, or 2.5 intervals of --max-fps.",
+        "1 where bodies came within 3 s, or 2.5 intervals of --max-fps or of the camera where they are longer.",
         &|s| f64::from(u8::from(s.healthy)),
     );
     each(
@@ -149,6 +149,17 @@ mod tests {
             .trim()
             .parse()
             .unwrap()
+    }
+
+    #[test]
+    fn when_a_camera_is_up_is_told_as_on_the_page() {
+        let page = include_str!("../../docs/operate.md");
+        let mut rows = page.lines();
+        let told = rows.find_map(|row| row.strip_prefix("| `edgecap_up` | ")?.strip_suffix(" |"));
+        let told = told.unwrap().replace('`', "");
+        let text = exposition("test", &[]);
+        let line = format!("# HELP edgecap_up {told}.\n");
+        assert!(text.contains(&line), "{line}in {text}");
     }
 
     #[test]

@@ -14,7 +14,7 @@ globalThis.self = globalThis;
 
 const modules = resolve(process.env.EDGECAP_NODE_MODULES);
 const file = (...parts) => pathToFileURL(join(modules, ...parts)).href;
-const { AnimationMixer, Vector3 } = await import(file('three', 'build', 'three.module.js'));
+const { AnimationMixer, LoopOnce, Vector3 } = await import(file('three', 'build', 'three.module.js'));
 const { GLTFLoader } = await import(file('three', 'examples', 'jsm', 'loaders', 'GLTFLoader.js'));
 const validator = createRequire(import.meta.url)(join(modules, 'gltf-validator'));
 
@@ -25,9 +25,14 @@ console.log('ISSUES', JSON.stringify(issues));
 
 const { scene, animations } = await new GLTFLoader().parseAsync(bytes.buffer, '');
 const mixer = new AnimationMixer(scene);
-for (const clip of animations) mixer.clipAction(clip).play();
+const actions = animations.map((clip) => mixer.clipAction(clip));
 const found = {};
 for (const moment of moments) {
+  // Once: what the last keys say stays.
+  for (const action of actions) {
+    action.reset().setLoop(LoopOnce).play();
+    action.clampWhenFinished = true;
+  }
   mixer.setTime(Number(moment));
   scene.updateMatrixWorld(true);
   const places = (found[moment] = {});

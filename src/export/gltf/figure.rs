@@ -193,8 +193,9 @@ fn told_apart(times: &[f32]) -> Vec<usize> {
     (0..times.len()).filter(rises).collect()
 }
 
-/// Joins moments at which somebody is or is not there to changes. `end`: when the last one is over.
-pub fn presence(moments: impl Iterator<Item = (f32, bool)>, end: f32) -> Vec<(f32, bool)> {
+/// Joins moments at which somebody is or is not there to changes. `end`: when the last one is over, where others follow
+/// without them; `None` where nothing follows: what a program shows after the last key stays for good.
+pub fn presence(moments: impl Iterator<Item = (f32, bool)>, end: Option<f32>) -> Vec<(f32, bool)> {
     let mut changes: Vec<(f32, bool)> = Vec::new();
     let after = |changes: &[(f32, bool)], time: f32| {
         let last = changes.last().map_or(f32::NEG_INFINITY, |(last, _)| *last);
@@ -208,6 +209,8 @@ pub fn presence(moments: impl Iterator<Item = (f32, bool)>, end: f32) -> Vec<(f3
             changes.push((after(&changes, time), there));
         }
     }
-    changes.push((after(&changes, end), false));
+    if let Some(end) = end {
+        changes.push((after(&changes, end), false));
+    }
     changes
 }

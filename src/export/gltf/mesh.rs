@@ -23,7 +23,8 @@ pub struct MeshTrack<'a> {
 }
 
 /// The file of mesh bodies in the axes of the export. A pause of more than one and a half of the `rate`'s frames is
-/// time in which somebody is away. Pose correctives are left out, the format's skins have none.
+/// time in which somebody is away; whoever has a pose at the record's `end`, seconds after its first frame, stays. Pose
+/// correctives are left out, the format's skins have none.
 ///
 /// # Errors
 /// [`ExportError::Format`] beyond 4 GiB.
@@ -32,18 +33,25 @@ pub fn encode_meshes(
     tracks: &[MeshTrack<'_>],
     axes: &Axes,
     rate: f64,
+    end: f64,
 ) -> Result<Vec<u8>, ExportError> {
     let mut document = Document::default();
     let firsts = tracks.iter().filter_map(|t| t.poses.first());
     let start = firsts.map(|(t, _)| *t).fold(f64::INFINITY, f64::min);
     for track in tracks.iter().filter(|t| !t.poses.is_empty()) {
-        document.figure(&figure(body, track, axes, rate, start));
+        document.figure(&figure(body, track, axes, rate, [start, end]));
     }
     document.finish()
 }
 
-/// `start`: the record's time that is the file's 0, seconds.
-fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64, start: f64) -> Figure {
+/// `start`: the record's time that is the file's 0; `end`: that of its last frame; seconds.
+fn figure(
+    body: &MeshBody,
+    track: &MeshTrack<'_>,
+    axes: &Axes,
+    rate: f64,
+    [start, end]: [f64; 2],
+) -> Figure {
     let joints = track.person.joints();
     let bones = NAMES.into_iter().enumerate().map(|(j, name)| Bone {
         name,
@@ -63,6 +71,7 @@ fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64, start:
         std::iter::once(((time - start) as f32, true)).chain(left)
     });
     let last = poses.last().map_or(0.0, |(t, _)| *t);
+    let leaves = last < end;
     Figure {
         id: track.id,
         what: "body",
@@ -76,7 +85,7 @@ fn figure(body: &MeshBody, track: &MeshTrack<'_>, axes: &Axes, rate: f64, start:
         turns: (0..JOINTS)
             .map(|j| poses.iter().map(|(_, p)| turn(j, p)).collect())
             .collect(),
-        presence: presence(there, (last + frame - start) as f32),
+        presence: presence(there, leaves.then_some((last + frame - start) as f32)),
     }
 }
 

@@ -1,6 +1,6 @@
 //! glTF 2.0 in one binary file: everybody as a skeleton with a skin, and one animation of all. Who is away has the size
-//! 0. Times begin with the first of them: the format has single floats, which cannot tell pictures of a week's end
-//! apart.
+//! 0; whoever is in the last frame stays. Times begin with the first person: the format has single floats, which
+//! cannot tell pictures of a week's end apart.
 
 mod document;
 mod figure;
@@ -24,16 +24,18 @@ pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
     let mut document = Document::default();
     let start = take.start();
     for motion in Motion::all(take)? {
-        let samples = take.people[&motion.id].iter();
-        let heights = samples.map(|s| f64::from(s.body.height));
+        let samples = &take.people[&motion.id];
+        let heights = samples.iter().map(|s| f64::from(s.body.height));
         let height = heights.fold(0.0, f64::max).clamp(0.5, 2.5);
-        document.figure(&mannequin(&motion, height, start));
+        let last = samples.last().map_or(0, |s| s.frame);
+        let leaves = last + 1 < take.frames.len();
+        document.figure(&mannequin(&motion, height, start, leaves));
     }
     document.finish()
 }
 
-/// `start`: the record's time that is the file's 0, seconds.
-fn mannequin(motion: &Motion, height: f64, start: f64) -> Figure {
+/// `start`: the record's time that is the file's 0, seconds; `leaves`: whether frames follow their last one.
+fn mannequin(motion: &Motion, height: f64, start: f64, leaves: bool) -> Figure {
     let rest = &motion.rest;
     let bones = HUMANOID_BONES.into_iter().zip(starts(rest)).enumerate();
     let bones = bones.map(|(bone, (name, start))| Bone {
@@ -62,6 +64,6 @@ fn mannequin(motion: &Motion, height: f64, start: f64) -> Figure {
         turns: (0..HUMANOID_BONE_COUNT)
             .map(|bone| moments.iter().map(|m| m.rotations[bone]).collect())
             .collect(),
-        presence: presence(there, time(moments.len())),
+        presence: presence(there, leaves.then(|| time(moments.len()))),
     }
 }
