@@ -353,8 +353,10 @@ impl<R: Read + Seek + Send> Source for AviReader<R> {
             raw.layout.format = PixelFormat::Mjpeg;
             raw.strict = true;
             raw.sequence = index;
-            raw.time_ns = (u128::from(index) * u128::from(self.scale) * 1_000_000_000
-                / u128::from(self.rate)) as u64;
+            let time =
+                u128::from(index) * u128::from(self.scale) * 1_000_000_000 / u128::from(self.rate);
+            // A header may say any rate: times that a message does not hold are its last one.
+            raw.time_ns = u64::try_from(time).unwrap_or(u64::MAX);
             return Ok(true);
         }
     }

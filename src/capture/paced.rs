@@ -89,9 +89,9 @@ where
                 ));
             }
             let interval = 1e9 / self.film.fps().unwrap_or(DEFAULT_FPS);
-            self.offset = self
-                .last
-                .map_or((0, 0), |(time, n)| (time + interval as u64, n + 1));
+            self.offset = self.last.map_or((0, 0), |(time, n)| {
+                (time.saturating_add(interval as u64), n + 1)
+            });
             if !self.film.rewind()? {
                 self.film = (self.open)()?;
             }
@@ -102,10 +102,10 @@ where
         }
         self.next_from = self.film.picture();
         let next = &mut self.next;
-        next.time_ns += self.offset.0;
+        next.time_ns = next.time_ns.saturating_add(self.offset.0);
         next.sequence += self.offset.1;
         if let Some((time, _)) = self.last {
-            next.time_ns = next.time_ns.max(time + LEAST_INTERVAL_NS);
+            next.time_ns = next.time_ns.max(time.saturating_add(LEAST_INTERVAL_NS));
         }
         self.last = Some((next.time_ns, next.sequence));
         self.has_next = true;
@@ -216,7 +216,8 @@ where
                 }
             }
         }
-        raw.time_ns += self.began.map_or(0, |(_, began_ns)| began_ns);
+        let began_ns = self.began.map_or(0, |(_, began_ns)| began_ns);
+        raw.time_ns = raw.time_ns.saturating_add(began_ns);
         Ok(true)
     }
 
@@ -406,6 +407,20 @@ mod tests {
             assert!(paced.next_into(&mut frame).unwrap());
         }
         assert_eq!(frame.sequence, 200, "a thousand a second");
+    }
+
+    #[test]
+    fn a_film_that_says_it_lasts_for_centuries_plays() {
+        let half = u64::MAX / 2;
+        let (mut paced, clock) = paced(half, Duration::ZERO, &[]);
+        let mut frame = Frame::default();
+        for sequence in 0..3 {
+            assert!(paced.next_into(&mut frame).unwrap());
+            assert_eq!(frame.sequence, sequence);
+            clock.sleep(Duration::from_nanos(half));
+        }
+        // The one after its last has been read.
+        assert_eq!(paced.last, Some((u64::MAX, 3)));
     }
 
     #[test]

@@ -268,8 +268,10 @@ impl<R: Read + Send> Source for Y4mReader<R> {
             }
         }
         frame.sequence = self.index;
-        frame.time_ns = (u128::from(self.index) * u128::from(self.rate.1) * 1_000_000_000
-            / u128::from(self.rate.0)) as u64;
+        let time = u128::from(self.index) * u128::from(self.rate.1) * 1_000_000_000
+            / u128::from(self.rate.0);
+        // A header may say any rate: times that a message does not hold are its last one.
+        frame.time_ns = u64::try_from(time).unwrap_or(u64::MAX);
         self.index += 1;
         Ok(true)
     }

@@ -264,6 +264,24 @@ fn repetitions_at_the_end_are_no_pictures() {
     assert_eq!(seen.last(), Some(1));
 }
 
+/// One picture in 136 years, as a damaged header may say.
+#[test]
+fn times_rise_up_to_the_last_one_that_there_is() {
+    let file = Cursor::new(Vec::new());
+    let mut writer = AviWriter::new(file, WIDTH, HEIGHT, (1, u32::MAX)).unwrap();
+    for k in 0..7 {
+        writer.write_frame(&picture(k), 95).unwrap();
+    }
+    let bytes = writer.finish().unwrap().into_inner();
+    let mut reader = AviReader::new(Cursor::new(bytes), "clip.avi").unwrap();
+    let mut frame = Frame::default();
+    let step = u64::from(u32::MAX) * 1_000_000_000;
+    for k in 0..7 {
+        assert!(reader.next_into(&mut frame).unwrap());
+        assert_eq!(frame.time_ns, step.saturating_mul(k));
+    }
+}
+
 #[test]
 fn outer_lengths_of_zero_last_to_the_end() {
     let mut bytes = clip(3);

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use super::finding::{Finding, State};
 use crate::capture::{self, Frame, demo};
 use crate::commands::exit;
-use crate::commands::infer::{EngineArgs, Pipelines, Quality};
+use crate::commands::infer::{EngineArgs, NEAR_LOOK, Pipelines, Quality};
 use crate::commands::pipeline::SCALAR_ONLY;
 use crate::engine::{Algorithms, Isa};
 use crate::machine::Machine;
@@ -72,13 +72,39 @@ fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
 pub fn speed(engine: &EngineArgs) -> Finding {
     let threads = engine.most_threads();
     match measured(engine, threads) {
-        Ok((seconds, people, _)) => judged(seconds, people, threads, engine.quality),
+        Ok((took, _)) => {
+            let seconds = took.of_camera(engine.looks_apart());
+            judged(seconds, took.people, threads, engine.quality)
+        }
         Err(e) => Finding::failed(SPEED, e),
     }
 }
 
-/// Seconds a picture, people in it, and how many of [`FRAMES`] pictures were looked at.
-fn measured(engine: &EngineArgs, threads: usize) -> anyhow::Result<(f64, f64, u32)> {
+/// What pictures of the bundled clip took.
+struct Measured {
+    /// Seconds a picture, looked at or not.
+    picture: f64,
+    /// Seconds a picture that was looked at.
+    look: f64,
+    /// People in a picture.
+    people: f64,
+}
+
+impl Measured {
+    /// Seconds a picture of a camera, with looks `apart` nanoseconds apart where that is asked for: where a look takes
+    /// too long for people to be followed to the next one, every picture is looked at.
+    fn of_camera(&self, apart: Option<u64>) -> f64 {
+        let apart = apart.map_or(0.0, |ns| ns as f64 * 1e-9);
+        if self.look < apart.max(NEAR_LOOK.into()) {
+            self.picture
+        } else {
+            self.look
+        }
+    }
+}
+
+/// Goes through the bundled clip; how many of [`FRAMES`] pictures were looked at.
+fn measured(engine: &EngineArgs, threads: usize) -> anyhow::Result<(Measured, u32)> {
     // All of them from the first picture on: with fewer it would be tried first what is faster.
     let threads = u16::try_from(threads).unwrap_or(u16::MAX);
     let engine = EngineArgs {
@@ -104,18 +130,27 @@ fn measured(engine: &EngineArgs, threads: usize) -> anyhow::Result<(f64, f64, u3
     };
     // The first picture makes room for all others.
     next()?;
-    let (mut pictures, mut people, mut looks, mut took) = (0u32, 0, 0, Duration::ZERO);
+    let (mut pictures, mut people, mut looks) = (0u32, 0, 0);
+    let (mut took, mut looking) = (Duration::ZERO, Duration::ZERO);
     while pictures < FRAMES
         && took < MEASURED_FOR
         && let Some((time, seen, is_looked_at)) = next()?
     {
         took += time;
         people += seen;
-        looks += u32::from(is_looked_at);
+        if is_looked_at {
+            looking += time;
+            looks += 1;
+        }
         pictures += 1;
     }
     let each = |sum: f64| sum / f64::from(pictures);
-    Ok((each(took.as_secs_f64()), each(people as f64), looks))
+    let took = Measured {
+        picture: each(took.as_secs_f64()),
+        look: looking.as_secs_f64() / f64::from(looks.max(1)),
+        people: each(people as f64),
+    };
+    Ok((took, looks))
 }
 
 fn judged(seconds: f64, people: f64, threads: usize, quality: Option<Quality>) -> Finding {
@@ -182,8 +217,25 @@ mod tests {
             looks: Some(10.0),
             ..EngineArgs::default()
         };
-        let (_, _, looks) = measured(&engine, 1).unwrap();
+        let (_, looks) = measured(&engine, 1).unwrap();
         assert!((1..FRAMES).contains(&looks), "{looks}");
+    }
+
+    #[test]
+    fn where_nobody_can_be_followed_every_picture_of_a_camera_is_a_look() {
+        let seconds = |look, apart: Option<f64>| {
+            let took = Measured {
+                picture: 0.06,
+                look,
+                people: 1.0,
+            };
+            took.of_camera(apart.map(|s| (s * 1e9) as u64))
+        };
+        assert_eq!(seconds(0.095, Some(0.067)), 0.06);
+        assert_eq!(seconds(0.11, Some(0.067)), 0.11);
+        assert_eq!(seconds(0.15, Some(0.067)), 0.15);
+        assert_eq!(seconds(0.15, Some(0.5)), 0.06);
+        assert_eq!(seconds(0.15, None), 0.15);
     }
 
     #[test]

@@ -101,7 +101,8 @@ pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
 /// Fits until the user stops it or all cameras have ended. One that is not there is waited for.
 ///
 /// # Errors
-/// Shared memory, pictures of sizes that the calibration is not for, and outputs; what was fitted before is complete.
+/// Shared memory, pictures of sizes that the calibration is not for, a thread that cannot be had, and outputs; what was
+/// fitted before is complete.
 pub fn live(
     fit: LiveFit,
     names: &[String],
@@ -117,11 +118,14 @@ pub fn live(
         let (to, news) = sync_channel(WAITING);
         for (camera, name) in names.iter().enumerate() {
             let (to, over) = (to.clone(), &over);
-            threads.spawn(move || {
+            let work = move || {
                 if let Err(e) = read(camera, name, &to, over) {
                     let _ = to.send(Err(e));
                 }
-            });
+            };
+            std::thread::Builder::new()
+                .spawn_scoped(threads, work)
+                .map_err(|e| Failure::no_thread("for each camera", &e))?;
         }
         drop(to);
         let mut publish = |out: &mut BodyFrame| -> anyhow::Result<()> {

@@ -88,8 +88,8 @@ pub struct FitTask {
     )]
     #[serde(default)]
     pub cameras: Vec<String>,
-    /// Their calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, or a folder of OpenCV, EasyMocap or
-    /// COLMAP
+    /// Their calibration: Pose2Sim's or Anipose's Calib.toml, QTM's .qca.txt, or a folder of EasyMocap, COLMAP or one
+    /// OpenCV file a camera
     #[arg(long, value_name = "FILE", requires = "cameras")]
     #[serde(default)]
     pub calibration: Option<PathBuf>,

@@ -29,7 +29,7 @@ const FOLLOWED: f32 = 0.5;
 pub struct Between {
     /// The next look; `None` where every picture is looked at.
     due: Option<Due>,
-    /// How far apart looks are where nobody has said it.
+    /// How far apart looks at a camera are.
     spacing: Option<Spacing>,
     flow: LucasKanade,
     lifter: Lifter,
@@ -50,22 +50,19 @@ pub struct Between {
 }
 
 impl Between {
-    /// For looks `interval` nanoseconds apart, with the Stage II of `stages`.
+    /// For a film, with looks `interval` nanoseconds apart and the Stage II of `stages`.
     pub fn new(interval: u64, stages: &Pipeline) -> Self {
-        Self {
-            due: Some(Due::new(interval)),
-            ..Self::every(None, stages)
-        }
+        Self::with(Some(interval), None, stages)
     }
 
-    /// For a camera whose every picture is looked at as long as looks, with these `stages`, keep up with it.
-    pub fn where_late(spacing: Spacing, stages: &Pipeline) -> Self {
-        Self::every(Some(spacing), stages)
+    /// For a camera, with looks by these `stages` as far apart as `spacing` says.
+    pub fn of_camera(spacing: Spacing, stages: &Pipeline) -> Self {
+        Self::with(spacing.apart(), Some(spacing), stages)
     }
 
-    fn every(spacing: Option<Spacing>, stages: &Pipeline) -> Self {
+    fn with(apart: Option<u64>, spacing: Option<Spacing>, stages: &Pipeline) -> Self {
         Self {
-            due: None,
+            due: apart.map(Due::new),
             spacing,
             flow: LucasKanade::default(),
             lifter: stages.lifter().clone(),

@@ -28,7 +28,9 @@ impl Due {
 
     /// It was done at `now`. What is late does not put off what comes after it, unless it is later than one interval.
     pub fn done(&mut self, now: u64) {
-        self.next = (self.next + self.interval).clamp(now, now + self.interval + self.slack());
+        let next = self.next.saturating_add(self.interval);
+        let latest = now.saturating_add(self.interval + self.slack());
+        self.next = next.clamp(now, latest);
     }
 
     fn slack(&self) -> u64 {
@@ -39,6 +41,16 @@ impl Due {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_time_is_too_late() {
+        for late in [u64::MAX - 1, u64::MAX] {
+            let mut due = Due::new(66_666_666);
+            due.done(late);
+            due.done(late);
+            assert!(due.at_ns() >= late - UNEVEN_NS);
+        }
+    }
 
     #[test]
     fn it_comes_as_often_as_it_may_whatever_the_camera_does() {

@@ -31,9 +31,10 @@ pub struct EngineArgs {
     /// takes everybody from the look that has them better [default: balanced for films and cameras, best for photos]
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
-    /// Look at so many pictures per second, and at more where somebody is lost; in the others joints are followed by
-    /// the optical flow [default: 15 with --quality fast, else every picture, or of a camera that is too fast for this
-    /// machine half of them, 15 at least as far as there is time]
+    /// Look at so many pictures per second, at more where somebody is lost, and at fewer of a camera where as many
+    /// leave no time for the others, in which joints are followed by the optical flow [default: 15 with --quality fast,
+    /// else every picture, or of a camera that is too fast for this machine half of them, 15 at least as far as there
+    /// is time]
     #[arg(long, value_name = "PER SECOND", value_parser = parse_looks)]
     pub looks: Option<f64>,
     /// Threads for the network [default: all cores, divided among the cameras; for films and cameras fewer where that

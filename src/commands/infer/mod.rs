@@ -50,6 +50,7 @@ pub(super) use observer::{Observer, Step};
 pub(super) use pace::Limits;
 pub(super) use pace_args::PaceArgs;
 pub(super) use pipelines::Pipelines;
+pub(super) use spacing::NEAR as NEAR_LOOK;
 
 /// How often the supervisor hears that a film is being opened.
 const OPENING: Duration = Duration::from_millis(250);
@@ -114,6 +115,9 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let chosen = input::choose(&task.input)?;
     if args.list_controls {
         return list_controls(&chosen.spec);
+    }
+    if !is_supervised {
+        task.input.expect_use(&chosen)?;
     }
     let limits = task.pace.limits(&chosen, args.overlay.is_some())?;
     log::name(format!("infer {}", chosen.name));

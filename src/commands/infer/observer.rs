@@ -6,6 +6,7 @@ use edgecap_client::message::{FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame};
 
 use super::engine_args::EngineArgs;
 use super::feed::{Delivery, Feed, Order, Picture};
+use super::mean::bounded;
 use super::pace::{Limits, Pace, Plan};
 use super::pipelines::{Pipelines, Way};
 use crate::camera::{CameraFile, monotonic_ns};
@@ -16,6 +17,9 @@ use crate::supervise::has_worked_before;
 
 /// Share of a new measurement in what a picture takes.
 const SMOOTH: f32 = 0.2;
+/// What a picture takes at most where it has not taken long before, seconds: what takes longer is a stall, and the next
+/// picture shall not wait for another.
+const STALL: f32 = 0.25;
 
 /// A source, its lens and the stages.
 pub struct Observer {
@@ -256,8 +260,7 @@ impl Observer {
             seen
         };
         fill(message, &self.picture, &seen);
-        let busy = &mut self.busy[kind];
-        *busy += SMOOTH * (start.elapsed().as_secs_f32() - *busy);
+        took(&mut self.busy[kind], start.elapsed().as_secs_f32());
         message.intrinsics = intrinsics;
         message.flags = if self.is_live { 0 } else { FLAG_FILE_TIME };
         let total = picture.total.unwrap_or(0);
@@ -268,6 +271,11 @@ impl Observer {
         message.publish_ns = monotonic_ns();
         Ok(Step::Observed)
     }
+}
+
+/// Takes in what a picture took, seconds.
+fn took(busy: &mut f32, seconds: f32) {
+    *busy += SMOOTH * (bounded(seconds, *busy, STALL) - *busy);
 }
 
 /// What was seen in a picture, as a message.
@@ -281,5 +289,26 @@ fn fill(message: &mut ObservationFrame, picture: &Frame, seen: &FrameObservation
     message.count = seen.people.len().min(MAX_PEOPLE) as u32;
     for (slot, o) in message.people.iter_mut().zip(seen.people) {
         *slot = *o;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn after_a_stall_pictures_are_taken_as_often_as_before() {
+        let mut busy = 0.0;
+        let mut after = |seconds, n| {
+            for _ in 0..n {
+                took(&mut busy, seconds);
+            }
+            busy
+        };
+        assert!((after(0.03, 60) - 0.03).abs() < 1e-3);
+        assert!(after(5.0, 1) < 0.08);
+        assert!(after(0.03, 10) < 0.04);
+        // Where every picture takes as long, the next one is taken when there is time for it.
+        assert!((after(5.0, 60) - 5.0).abs() < 0.1);
     }
 }

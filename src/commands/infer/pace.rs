@@ -103,7 +103,7 @@ impl Pace {
                 wanted: Wanted::Colours,
             },
             State::Idle { last, looked, .. } => Plan {
-                from_ns: (last + GLANCE_NS).max(self.due.at_ns()),
+                from_ns: last.saturating_add(GLANCE_NS).max(self.due.at_ns()),
                 wanted: if last - looked < ANYWAY_NS {
                     Wanted::BothIfChanged
                 } else {

@@ -1,7 +1,5 @@
 //! The stages at every size that pictures ask for.
 
-use std::time::Instant;
-
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::between::Between;
@@ -13,7 +11,7 @@ use super::looks::{Looks, sum};
 use super::region::{Input, Region};
 use super::shapes::Shapes;
 use super::spacing::{ENOUGH, Spacing};
-use super::speed::Speed;
+use super::speed::{Slower, Speed};
 use super::zoom::{SHARES, Zoom, stature};
 use crate::camera::monotonic_ns;
 use crate::capture::{Crop, Frame, Letterbox};
@@ -28,6 +26,8 @@ pub struct Pipelines {
     between: Option<Between>,
     /// Whether people were followed into the picture that has been chosen for.
     follows: bool,
+    /// What looks are timed by, monotonic nanoseconds.
+    clock: Box<dyn Fn() -> u64 + Send>,
 }
 
 /// How a picture is gone through.
@@ -108,7 +108,8 @@ impl Following {
 impl Pipelines {
     /// Builds them. The input of a `film` follows the people in view unless something else is asked for. Of a camera,
     /// whose pictures are wanted every `live` nanoseconds at most, no such input is larger than the machine has time
-    /// for; where there is none to look at every picture, people are followed into some.
+    /// for; where there is none to look at as many pictures as come, or are to be looked at, people are followed into
+    /// some.
     ///
     /// # Errors
     /// As [`Pipeline::new`] and [`EngineArgs::inputs`].
@@ -125,11 +126,10 @@ impl Pipelines {
             Stages::Following(following) => Some(following.shapes.any()),
             Stages::Looks(..) => None,
         };
-        let between = one.filter(|_| film).and_then(|stages| {
-            let fixed = engine
-                .looks_apart()
-                .map(|interval| Between::new(interval, stages));
-            fixed.or_else(|| Some(Between::where_late(Spacing::new(live?), stages)))
+        let asked = engine.looks_apart();
+        let between = one.filter(|_| film).and_then(|stages| match live {
+            Some(shortest) => Some(Between::of_camera(Spacing::new(shortest, asked), stages)),
+            None => asked.map(|interval| Between::new(interval, stages)),
         });
         let target = live.map(|interval| ENOUGH.recip().max(interval as f32 * 1e-9));
         Ok(Self {
@@ -138,6 +138,7 @@ impl Pipelines {
             stages,
             speed: Speed::new(target),
             crew: Crew::new(engine.most_threads(), !film || engine.threads.is_some()),
+            clock: Box::new(monotonic_ns),
         })
     }
 
@@ -176,6 +177,7 @@ impl Pipelines {
             crew,
             between,
             follows,
+            clock,
         } = self;
         if std::mem::take(follows)
             && let Some(between) = between
@@ -189,21 +191,28 @@ impl Pipelines {
         let following = match stages {
             Stages::Fixed(one) => {
                 one.use_threads(crew.threads(0));
-                let start = Instant::now();
+                let start = clock();
                 one.process(frame, intrinsics)?;
+                let now = clock();
+                let seconds = (!crew.is_trying(0)).then_some(seconds_from(start, now));
                 if let Some(between) = between {
-                    let seconds = start.elapsed().as_secs_f32();
-                    between.looked(frame, one, (!crew.is_trying(0)).then_some(seconds));
+                    between.looked(frame, one, seconds);
                 }
+                warn(seconds.and_then(|seconds| speed.took(now, 0, seconds, true)));
                 let seen = one.seen();
-                log(crew.took(monotonic_ns(), 0, network_seconds(&seen)), None);
+                log(crew.took(now, 0, network_seconds(&seen)), None);
                 return Ok(seen);
             }
             Stages::Looks(looks, shares) => {
                 looks.use_threads(crew.threads(0));
                 let sizes = inputs_of(size_of(frame), *shares);
+                let start = clock();
                 let seen = looks.process(frame, intrinsics, sizes)?;
-                log(crew.took(monotonic_ns(), 0, network_seconds(&seen)), None);
+                let now = clock();
+                if !crew.is_trying(0) {
+                    warn(speed.took(now, 0, seconds_from(start, now), true));
+                }
+                log(crew.took(now, 0, network_seconds(&seen)), None);
                 return Ok(seen);
             }
             Stages::Following(following) => following,
@@ -238,7 +247,7 @@ impl Pipelines {
             None => crew.threads(level),
             Some(_) => crew.usual(level),
         });
-        let start = Instant::now();
+        let start = clock();
         let used = match crop {
             None => {
                 whole.process(frame, intrinsics)?;
@@ -251,20 +260,15 @@ impl Pipelines {
                 stages
             }
         };
-        let seconds = start.elapsed().as_secs_f32();
+        let now = clock();
         let is_usual = crop.is_some() || !crew.is_trying(level);
-        let seconds = is_usual.then_some(seconds);
+        let seconds = is_usual.then_some(seconds_from(start, now));
         if let Some(between) = between {
             between.looked(frame, used, seconds);
         }
         let seen = used.seen();
-        let now = monotonic_ns();
         region.seen(frame, seen.people, crop.is_none());
-        if let Some(seconds) = seconds
-            && let Some(slower) = speed.took(now, level, seconds, crop.is_none())
-        {
-            tracing::warn!("{}", slower.line());
-        }
+        warn(seconds.and_then(|seconds| speed.took(now, level, seconds, crop.is_none())));
         if crop.is_none() {
             let input = fitted(picture, SHARES[level]);
             log(crew.took(now, level, network_seconds(&seen)), Some(input));
@@ -373,6 +377,18 @@ fn network_seconds(seen: &FrameObservations<'_>) -> f32 {
     seen.times.stage1_us as f32 * 1e-6
 }
 
+/// From one time of the clock to another, which are nanoseconds.
+fn seconds_from(start: u64, now: u64) -> f32 {
+    now.saturating_sub(start) as f32 * 1e-9
+}
+
+/// Logs that the machine has become slower.
+fn warn(slower: Option<Slower>) {
+    if let Some(slower) = slower {
+        tracing::warn!("{}", slower.line());
+    }
+}
+
 /// Logs another number of threads, with the input (pixels across and down) that it holds for if there are others.
 fn log(change: Option<Change>, input: Option<(usize, usize)>) {
     if let Some(change) = change {
@@ -397,8 +413,12 @@ fn heights_in(picture: (usize, usize)) -> impl Fn(&[Observation], &mut Vec<f32>)
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU64, Ordering};
+
     use super::*;
     use crate::capture::{demo, open_bytes};
+    use crate::commands::infer::Quality;
 
     const SECOND: u64 = 1_000_000_000;
     const WALL: (usize, usize) = (512, 320);
@@ -478,7 +498,7 @@ mod tests {
     fn of_thirty_pictures_a_second_every_other_one_is_looked_at_where_fifteen_are_wanted() {
         let engine = EngineArgs {
             threads: Some(1),
-            quality: Some(crate::commands::infer::Quality::Fast),
+            quality: Some(Quality::Fast),
             ..EngineArgs::default()
         };
         let mut pipelines = Pipelines::new(&engine, true, None).unwrap();
@@ -501,6 +521,66 @@ mod tests {
     }
 
     #[test]
+    fn pictures_of_any_time_are_looked_at() {
+        for size in [Some("256x160"), None] {
+            let engine = EngineArgs {
+                threads: Some(1),
+                size: size.map(|size| size.parse().unwrap()),
+                looks: Some(15.0),
+                ..EngineArgs::default()
+            };
+            let mut pipelines = Pipelines::new(&engine, true, None).unwrap();
+            let times = [0, SECOND / 15, u64::MAX - 1, u64::MAX, u64::MAX, 0];
+            for (k, time_ns) in times.into_iter().enumerate() {
+                let mut picture = if k % 2 == 0 { far_away() } else { wall() };
+                picture.time_ns = time_ns;
+                pipelines.choose(&picture).unwrap();
+                let seen = pipelines.process(&picture, &lens()).unwrap();
+                assert!(seen.times.stage1_us > 0, "{time_ns}");
+            }
+        }
+    }
+
+    /// A clock by which so many nanoseconds go by from one question to the next.
+    fn ticking(step: &Arc<AtomicU64>) -> Box<dyn Fn() -> u64 + Send> {
+        let (step, now) = (Arc::clone(step), AtomicU64::new(0));
+        Box::new(move || now.fetch_add(step.load(Ordering::Relaxed), Ordering::Relaxed))
+    }
+
+    #[test]
+    fn a_machine_that_becomes_slower_is_told_of_with_inputs_of_any_kind() {
+        let fixed = EngineArgs {
+            threads: Some(1),
+            size: Some("64x64".parse().unwrap()),
+            ..EngineArgs::default()
+        };
+        let best = EngineArgs {
+            threads: Some(1),
+            quality: Some(Quality::Best),
+            ..EngineArgs::default()
+        };
+        for engine in [fixed, best] {
+            let mut pipelines = Pipelines::new(&engine, true, Some(0)).unwrap();
+            if let Stages::Looks(_, shares) = &mut pipelines.stages {
+                *shares = [&[0.125], &[0.125]];
+            }
+            let step = Arc::new(AtomicU64::new(SECOND / 10));
+            pipelines.clock = ticking(&step);
+            let (picture, lens) = (wall(), lens());
+            let mut look = |pictures| {
+                for _ in 0..pictures {
+                    pipelines.process(&picture, &lens).unwrap();
+                }
+                pipelines.speed.has_told()
+            };
+            assert!(!look(101));
+            step.store(SECOND / 2, Ordering::Relaxed);
+            assert!(!look(20), "at once");
+            assert!(look(20));
+        }
+    }
+
+    #[test]
     fn people_are_followed_where_a_camera_is_faster_than_any_machine() {
         let mut engine = EngineArgs {
             threads: Some(1),
@@ -510,6 +590,7 @@ mod tests {
         let mut follows = |looks, live| {
             engine.looks = looks;
             let mut pipelines = Pipelines::new(&engine, true, live).unwrap();
+            pipelines.clock = ticking(&Arc::new(AtomicU64::new(SECOND / 50)));
             let (mut picture, lens) = (wall(), lens());
             // A thousand pictures a second, of which there is time for 25.
             for k in 0..52 {

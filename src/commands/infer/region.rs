@@ -108,7 +108,7 @@ impl Region {
     fn around(&self, now: u64, input: &Input) -> Option<Crop> {
         let last = self.last?;
         // A time that stands still does not tell how old the last whole picture is.
-        let is_fresh = now > last.ns && now < self.whole_ns + WHOLE_EVERY_NS;
+        let is_fresh = now > last.ns && now < self.whole_ns.saturating_add(WHOLE_EVERY_NS);
         if !is_fresh || now < self.doubt_until_ns {
             return None;
         }
@@ -138,10 +138,10 @@ impl Region {
     pub fn seen(&mut self, frame: &Frame, people: &[Observation], is_whole: bool) {
         let now = frame.time_ns;
         if people.len() < std::mem::replace(&mut self.people, people.len()) {
-            self.doubt_until_ns = now + DOUBT_NS;
+            self.doubt_until_ns = now.saturating_add(DOUBT_NS);
         }
         // A clock that went backwards is a film that began again.
-        if self.doubt_until_ns > now + DOUBT_NS {
+        if self.doubt_until_ns > now.saturating_add(DOUBT_NS) {
             self.doubt_until_ns = now;
         }
         self.last = seen(now, people);

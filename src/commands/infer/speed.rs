@@ -1,12 +1,14 @@
 //! Whether this machine keeps up, by what pictures take it: the largest input that does, and a word when it becomes
 //! slower than it was. Times go in, verdicts come out.
 
-use super::mean::Mean;
+use super::mean::{Mean, bounded};
 use super::wish::{FAST_NS, SLOW_NS, Wish};
 use super::zoom::SHARES;
 
 /// Part of the time that a larger input may need by what the present one takes.
 const ROOM: f32 = 0.8;
+/// What a picture counts as at most where none has taken long before, as share of what it may take.
+const STALL: f32 = 2.0;
 /// Where no picture came for so long, or for two that are on time, what held before it is forgotten.
 const PAUSE: f32 = 1.0;
 /// So many pictures tell how fast this machine is when it is cold and has nothing else to do.
@@ -68,6 +70,12 @@ impl Speed {
         self.limit
     }
 
+    /// Whether it has said of any input that the machine has become slower.
+    #[cfg(test)]
+    pub fn has_told(&self) -> bool {
+        self.levels.iter().any(|level| level.told)
+    }
+
     /// A picture of the input `level` took so many seconds, looked at `whole` or in part, and was ready at `now`
     /// nanoseconds. Says when the machine has become slower, once until it has recovered.
     pub fn took(&mut self, now: u64, level: usize, seconds: f32, whole: bool) -> Option<Slower> {
@@ -84,7 +92,8 @@ impl Speed {
         if came_late(entry.last.replace(now)) {
             entry.slower_since = None;
         }
-        entry.all.take(seconds);
+        let usual = STALL * target;
+        entry.all.take(bounded(seconds, entry.all.value, usual));
         let takes = entry.all.value;
         let told = match whole {
             true => entry.became_slower(now, seconds),
@@ -121,7 +130,13 @@ impl Speed {
 
 impl Level {
     fn became_slower(&mut self, now: u64, seconds: f32) -> Option<Slower> {
-        self.whole.take(seconds);
+        // One stall is no slower machine, however much time there is for a picture.
+        let usual = if self.whole.count < FIRST {
+            seconds
+        } else {
+            0.0
+        };
+        self.whole.take(bounded(seconds, self.whole.value, usual));
         let takes = self.whole.value;
         if self.whole.count <= FIRST {
             self.at_first = takes;
@@ -236,6 +251,39 @@ mod tests {
         play(&mut speed, &mut clock, 0.3, 1_000_000_000);
         play(&mut speed, &mut clock, 0.03, 1_000_000_000);
         assert_eq!(speed.limit(), 0);
+    }
+
+    #[test]
+    fn one_long_stall_changes_nothing_where_looks_are_few() {
+        let (mut speed, mut clock) = (Speed::new(Some(TARGET)), 0);
+        let mut look = |times: u32, seconds: f32| {
+            for _ in 0..times {
+                clock += 200_000_000 + (seconds * 1e9) as u64;
+                speed.took(clock, speed.limit(), seconds, true);
+            }
+            speed.limit()
+        };
+        look(100, 0.03);
+        look(1, 9.0);
+        assert_eq!(look(50, 0.03), 0);
+        assert_ne!(look(50, 0.1), 0);
+    }
+
+    #[test]
+    fn one_long_stall_is_no_slower_machine() {
+        for target in [TARGET, 1.0] {
+            let (mut speed, mut clock) = (Speed::new(Some(target)), 0);
+            let mut told = |looks: u32, seconds: f32| {
+                let looks = (0..looks).filter_map(|_| {
+                    clock += 950_000_000 + (seconds * 1e9) as u64;
+                    speed.took(clock, 0, seconds, true)
+                });
+                looks.count()
+            };
+            assert_eq!(told(FIRST + 50, 0.01), 0);
+            assert_eq!(told(1, 9.0) + told(100, 0.01), 0, "{target}");
+            assert_eq!(told(100, 0.02), 1, "{target}");
+        }
     }
 
     #[test]

@@ -98,7 +98,7 @@ impl Zoom {
     pub fn look_elsewhere(&mut self, now: u64) -> Option<usize> {
         // A clock that went backwards is a film that began again.
         let last = *self.looked_ns.get_or_insert(now);
-        if (last..last + LOOK_EVERY_NS).contains(&now) {
+        if (last..last.saturating_add(LOOK_EVERY_NS)).contains(&now) {
             return None;
         }
         self.looked_ns = Some(now);
