@@ -2,7 +2,9 @@
 //!
 //! Axes are Unity's: left-handed, x right, y up, z forward, metres; an avatar without rotation faces forward in a
 //! T-pose. Somebody who stands and faces the camera is without rotation. Hips are where the pelvis is on the floor, or
-//! where no floor is known, at the height that the legs give, sidewards and forward as seen from the camera.
+//! where no floor is known, at the height that the legs give, sidewards and forward as seen from the camera. The root
+//! is below them, and their own place is above it: programs that leave the bones of an avatar as they are take no
+//! bone's place, the hips' neither, but the root's.
 //!
 //! Who listens at a port whose person has gone gets `/VMC/Ext/OK` 0: at every port in use when no frames come any more,
 //! and at the end. Ports in use are the first ones: where one is let go of, who has the highest takes it.
@@ -89,8 +91,10 @@ impl VmcBridge {
             };
             self.hold(port, body.id, now);
             let mut messages = self.sign(1);
-            messages.push(pose("Root/Pos", "root", DVec3::ZERO, DQuat::IDENTITY));
-            messages.extend(bones(frame, body));
+            let hips = hips(frame, body);
+            let walked = DVec3::new(hips.x, 0.0, hips.z);
+            messages.push(pose("Root/Pos", "root", walked, DQuat::IDENTITY));
+            messages.extend(bones(frame, body, hips.y));
             self.outlet.send(port as u16, time, messages);
         }
     }
@@ -167,10 +171,10 @@ fn clock(run: Duration) -> f32 {
     (run.as_secs_f64() % CLOCK) as f32
 }
 
-/// The bones of a body, as messages.
-fn bones(frame: &BodyFrame, body: &Body) -> impl Iterator<Item = OscMessage> {
+/// The bones of a body whose hips are so high, as messages.
+fn bones(frame: &BodyFrame, body: &Body, height: f64) -> impl Iterator<Item = OscMessage> {
     let rest = TPose::new(Skeleton::builtin(), &body.bone_lengths.map(f64::from));
-    let hips = hips(frame, body);
+    let hips = DVec3::new(0.0, height, 0.0);
     let mut rotations = body.bone_rotations;
     if frame.world.is_known() {
         // On the floor, however the camera is tilted.
@@ -275,6 +279,25 @@ mod tests {
         bridge.quiet();
         bridge.send_at(start + after(60.0), &frame(&[3, 4]));
         assert_eq!(holders(&bridge), [Some(4), Some(3)]);
+    }
+
+    #[test]
+    fn an_avatar_whose_bones_stay_as_long_as_they_are_walks() {
+        let listener = Listener::default();
+        let mut bridge = VmcBridge::new(listener.address()).unwrap();
+        let mut frame = frame(&[6]);
+        frame.bodies[0].joints3d.fill([0.5, 2.0, 4.0]);
+        frame.bodies[0].joints3d[PELVIS] = [0.5, 1.0, 4.0];
+        bridge.send(&frame);
+        let messages = listener.bundle();
+        let place = |name: &str| {
+            let is_it = |m: &&OscMessage| m.args[0] == Text(name.to_owned());
+            let found = messages.iter().find(is_it).unwrap();
+            found.args[1..4].to_vec()
+        };
+        // Half a metre to the left of who faces the camera, which Unity's x counts down, and four away from it.
+        assert_eq!(place("root"), [-0.5, 0.0, -4.0].map(Float));
+        assert_eq!(place("Hips"), [-0.0, 1.0, 0.0].map(Float));
     }
 
     #[test]

@@ -46,12 +46,12 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
     let flight = args.bridges.add_to(&mut sinks, &args.camera, hub)?;
     let priority = Priority::Reader;
     let mut events = EventRelay::to_bridges(&args.bridges, &args.camera, hub, priority)?;
+    // Before anybody is told: where the camera is away this is somebody who was there hours ago.
+    bodies.next(Duration::ZERO)?;
     let at = page
         .as_ref()
-        .map_or_else(String::new, |p| format!(" at {}", p.url()));
+        .map_or_else(String::new, |p| format!(" at {}", p.url_for_log()));
     say::out(&format!("handing on {}{at} (Ctrl-C stops)", args.camera));
-    // Where the camera is away this is somebody who was there hours ago.
-    bodies.next(Duration::ZERO)?;
     let (mut is_running, mut silence) = (false, Silence::default());
     let mut absence = Absence::since(Instant::now());
     while !stop.requested() {

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_FILE_TIME};
 use edgecap_client::{Subscriber, cameras};
 
+use super::events::camera_of;
 use super::exit::Failure;
 use super::followed::Followed;
 use super::say;
@@ -14,6 +15,7 @@ use super::serve::{PageArgs, PageServer, Past};
 use super::stop::Stop;
 use super::watch::{QUIET, nobody_yet};
 use super::{closed, doctor};
+use crate::bridge::websocket::APART;
 use crate::events::EventConfig;
 use crate::export::Clock;
 use crate::record::{self, BodiesRow, RowReader, Times};
@@ -56,7 +58,7 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
     }
     let past = Past::LastMinute;
     let server = PageServer::start("--listen", &args.page, past, args.show_picture)?;
-    say::out(&format!("{} (Ctrl-C stops)", server.url()));
+    say::out(&format!("{} (Ctrl-C stops)", server.url_for_log()));
     // Those that the user names are waited for, however long.
     let patience = args.cameras.is_empty().then_some(PATIENCE);
     let mut followed = Followed::new(server.hub(), &stop, patience);
@@ -101,11 +103,11 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     let name = path.display().to_string();
     let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
     let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
-    let camera = path.file_stem().unwrap_or_default().to_string_lossy();
     let server = PageServer::start("--listen", page, Past::Record, false)?;
     let mut found = EventSink::new(EventConfig::default(), Sinks::default());
     let (mut frames, mut timeline) = (0_u64, Timeline::default());
     while let Some(row) = rows.read()? {
+        let camera = camera_of(&row.source, path);
         let mut frame = row.message();
         // By the record's own times, which say where it begins anew.
         let happened = found.look(&frame);
@@ -133,7 +135,7 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
             "{name}: more than the page can hold; one frame of {every} is shown, from the first of {frames} to the last"
         ));
     }
-    say::out(&format!("{} (Ctrl-C stops)", server.url()));
+    say::out(&format!("{} (Ctrl-C stops)", server.url_for_log()));
     while !stop.requested() {
         std::thread::sleep(LOOK_UP);
     }
@@ -148,26 +150,35 @@ const STILL: u64 = 1_000_000_000;
 #[derive(Debug, Default)]
 struct Timeline {
     clock: Clock,
-    last: u64,
-    /// The last step that the record's times tell.
+    /// What the record's times told last.
+    told: Option<u64>,
+    /// The last step that they tell.
     step: u64,
+    /// By how much frames are later than their times tell.
+    shift: u64,
+    /// When the last frame is published.
+    last: u64,
 }
 
 impl Timeline {
     /// Moves a frame to where it follows the one before.
     fn put(&mut self, frame: &mut BodyFrame) {
-        let told = self.clock.look(frame.due_ns(), self.step);
-        let least = if told.is_none() && self.step == 0 {
-            STILL
-        } else {
-            1
+        let least = self.last.saturating_add(APART);
+        let now = match self.clock.look(frame.due_ns(), self.step) {
+            Some(told) => {
+                if let Some(before) = self.told.replace(told) {
+                    self.step = told - before;
+                }
+                if told.saturating_add(self.shift) < least {
+                    // All that follow are later, too: else those up to the last one would be shown at once.
+                    let next = self.last.saturating_add(self.step).max(least);
+                    self.shift = next.saturating_sub(told);
+                }
+                told.saturating_add(self.shift)
+            }
+            None if self.step == 0 => self.last.saturating_add(STILL),
+            None => least,
         };
-        let now = told
-            .unwrap_or_default()
-            .max(self.last.saturating_add(least));
-        if told.is_some() && self.last > 0 {
-            self.step = now - self.last;
-        }
         frame.publish_at(now);
         if frame.flags & FLAG_FILE_TIME != 0 {
             // Of a second pass what happens is told after what happened in the first.
@@ -234,6 +245,28 @@ mod tests {
     fn frames_whose_times_say_nothing_come_one_after_the_other() {
         let photos = put((0..5).map(|_| of_film(0)));
         let times: Vec<u64> = photos.iter().map(|f| f.publish_ns).collect();
-        assert_eq!(times, [0, 1, 2, 3, 4].map(|k| 1 + k * STILL));
+        assert_eq!(times, [0, 1, 2, 3, 4].map(|k| APART + k * STILL));
+    }
+
+    #[test]
+    fn two_frames_of_one_time_at_the_start_change_no_step_that_follows() {
+        let put = put([1, 1, 2, 3, 3, 4].into_iter().map(of_film));
+        let times: Vec<u64> = put.iter().map(|f| f.publish_ns).collect();
+        let steps: Vec<u64> = times.windows(2).map(|w| w[1] - w[0]).collect();
+        assert_eq!(steps, [STILL, STEP, STEP, APART, STEP - APART]);
+    }
+
+    #[test]
+    fn frames_have_times_of_their_own_however_late_they_are() {
+        // In half a year.
+        let late = |k: u64| BodyFrame {
+            flags: FLAG_FILE_TIME,
+            pose_ns: 15_768_000_000_000_001 + k * STEP,
+            ..BodyFrame::default()
+        };
+        let frames = [0, 1, 1, 1, 2].into_iter().map(late);
+        // Numbers as the page has them.
+        let times: Vec<f64> = put(frames).iter().map(|f| f.publish_ns as f64).collect();
+        assert!(times.is_sorted_by(|a, b| a < b), "{times:?}");
     }
 }

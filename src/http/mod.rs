@@ -7,4 +7,4 @@ mod request;
 mod server;
 
 pub use request::Request;
-pub use server::{Answer, Ends, Server};
+pub use server::{Answer, Ends, Server, take_leave};

@@ -14,6 +14,8 @@ pub struct Request {
     pub method: String,
     /// The path without what follows `?`.
     pub path: String,
+    /// Whether the server had no place for a stream when it came.
+    pub is_full: bool,
     query: String,
     headers: Vec<(String, String)>,
 }
@@ -69,6 +71,7 @@ impl Request {
         Some(Self {
             method: method.to_owned(),
             path: path.to_owned(),
+            is_full: false,
             query: query.to_owned(),
             headers: headers.collect(),
         })

@@ -214,8 +214,11 @@ fn connect(
 }
 
 /// Reads what has come, without waiting for more: a connection that is closed with something unread is reset, and the
-/// reset may overtake the answer.
-fn take_leave(stream: &mut TcpStream) -> io::Result<()> {
+/// reset may overtake the answer. Nothing can be sent any more.
+///
+/// # Errors
+/// The system's, one that nothing is there any more to read among them.
+pub fn take_leave(stream: &mut TcpStream) -> io::Result<()> {
     stream.shutdown(Shutdown::Write)?;
     stream.set_nonblocking(true)?;
     // Who never stops sending is not listened to for ever.
@@ -231,7 +234,7 @@ fn talk(
 ) -> io::Result<()> {
     stream.set_nonblocking(false)?;
     stream.set_write_timeout(Some(PATIENCE))?;
-    let request = match Request::read(&mut stream, PATIENCE) {
+    let mut request = match Request::read(&mut stream, PATIENCE) {
         Ok(Some(request)) => request,
         Ok(None) => return Ok(()),
         Err(e) if e.kind() == ErrorKind::InvalidData => {
@@ -240,6 +243,7 @@ fn talk(
         }
         Err(e) => return Err(e),
     };
+    request.is_full = streams.load(Ordering::Relaxed) >= MOST_STREAMS;
     match &*request.method {
         "GET" => match answer(&request) {
             Answer::Stream(talk) => {
@@ -408,6 +412,7 @@ mod tests {
     fn streams_leave_places_for_short_answers() {
         let server = Server::start(([127, 0, 0, 1], 0).into(), |request| {
             match &*request.path {
+                "/full" => Answer::refusal("200 OK", request.is_full),
                 // Until the client leaves.
                 "/stream" => Answer::Stream(Box::new(|mut stream, _| {
                     let _ = stream.write_all(b"begun");
@@ -435,7 +440,13 @@ mod tests {
             assert_eq!(&begun, b"begun");
             client
         };
+        assert!(read(ask("/full")).ends_with("\r\n\r\nfalse\n"));
         let mut streams: Vec<_> = (0..MOST_STREAMS).map(begin).collect();
+        assert!(read(ask("/full")).ends_with("\r\n\r\ntrue\n"));
+        // Its own place is free a moment after its answer.
+        while server.taken.connections.load(Ordering::Relaxed) > MOST_STREAMS {
+            std::thread::yield_now();
+        }
         let refused = read(ask("/stream"));
         assert!(refused.starts_with("HTTP/1.1 503 "), "{refused}");
         assert!(refused.contains("\r\nRetry-After: 5\r\n"), "{refused}");

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Cursor, Write};
-use std::net::UdpSocket;
+use std::net::{TcpListener, UdpSocket};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -258,8 +260,6 @@ fn what_was_before_the_bridge_is_not_handed_on() {
     eventually("a reader of both", || {
         (bodies.subscriber_count() > 0 && events.subscriber_count() > 0).then_some(())
     });
-    // It says so before it has looked at what was there: on a busy machine well before.
-    std::thread::sleep(Duration::from_millis(2000));
     bodies.publish(&frame(2)).unwrap();
     events.publish(&happened(2)).unwrap();
     let (mut frames, mut waved) = (Vec::new(), Vec::new());
@@ -348,7 +348,8 @@ fn a_bridge_hands_on_every_run_to_its_end() {
     });
 }
 
-/// What an avatar in Unity does with a bone's local place and rotation: left-handed axes, parents by name.
+/// What an avatar in Unity does with a bone's local place and rotation: left-handed axes, parents by name. Seen from
+/// its root.
 fn unity(bones: &BTreeMap<String, (DVec3, DQuat)>, bone: &str) -> (DVec3, DQuat) {
     let parent = match bone {
         "Hips" => return bones[bone],
@@ -392,6 +393,15 @@ fn vmc_poses_an_avatar_as_the_body_is_posed() {
         bones.insert(m.words[0].clone(), (DVec3::from_slice(&n[..3]), turn));
     }
     assert_eq!(bones.len(), 16);
+    let root = messages.iter().find(|m| m.address == "/VMC/Ext/Root/Pos");
+    let root: Vec<f64> = root.unwrap().numbers.iter().map(|n| (*n).into()).collect();
+    assert_eq!(root[3..], [0.0, 0.0, 0.0, 1.0]);
+    // Walking moves the root, whose height is the floor's.
+    let (root, hips) = (DVec3::from_slice(&root), bones["Hips"].0);
+    assert!(
+        root.y == 0.0 && hips.x == 0.0 && hips.z == 0.0,
+        "{root}, {hips}"
+    );
     let published = frame(3);
     for (bone, joint) in [
         ("Hips", "pelvis"),
@@ -407,7 +417,7 @@ fn vmc_poses_an_avatar_as_the_body_is_posed() {
         let [x, y, z] = published.world.point(published.bodies[0].joints3d[joint]);
         // Seen in a mirror: Unity's x goes the other way.
         let wanted = DVec3::new(-f64::from(x), y.into(), z.into());
-        let off = (unity(&bones, bone).0 - wanted).length();
+        let off = (root + unity(&bones, bone).0 - wanted).length();
         assert!(off < 1e-3, "{bone}: {off} m off");
     }
     // Upright on the floor, and turned by a quarter about the vertical alone.
@@ -568,6 +578,109 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
         let args = ["config", "check", "--config", settings.to_str().unwrap()];
         assert_fails(&args, 78, &["edgecap.toml:2:7: ", words]);
     }
+}
+
+/// A film of one grey picture.
+fn grey_film(folder: &Path) -> PathBuf {
+    let film = folder.join("walk.y4m");
+    let mut pictures = b"YUV4MPEG2 W96 H64 F30:1 Cmono\nFRAME\n".to_vec();
+    pictures.resize(pictures.len() + 96 * 64, 128);
+    std::fs::write(&film, pictures).unwrap();
+    film
+}
+
+/// More people read it than the settings, for longer.
+#[test]
+fn the_journal_does_not_hold_the_token_of_the_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let [settings, log] = ["edgecap.toml", "log"].map(|name| folder.path().join(name));
+    std::fs::write(&settings, "[bridges]\ntoken = \"open-sesame\"\n").unwrap();
+    let film = grey_film(folder.path());
+    for is_journal in [true, false] {
+        let stderr = std::fs::File::create(&log).unwrap();
+        let it = stderr.metadata().unwrap();
+        let number = it.ino() + u64::from(!is_journal);
+        let mut run = edgecap();
+        run.args(["run", "--size", "64x64", "--threads", "1", "--jsonl", "-"]);
+        run.args(["--view", "127.0.0.1:0", "--config"])
+            .arg(&settings);
+        run.arg("--input").arg(&film).stderr(stderr);
+        let run = run.env("JOURNAL_STREAM", format!("{}:{number}", it.dev()));
+        assert!(run.output().unwrap().status.success());
+        let said = std::fs::read_to_string(&log).unwrap();
+        assert!(said.contains("the page: http://127.0.0.1:"), "{said}");
+        assert_eq!(said.contains("open-sesame"), !is_journal, "{said}");
+    }
+}
+
+/// They say it on standard output, which a unit's journal holds, too.
+#[test]
+fn the_journal_does_not_hold_the_token_that_a_bridge_or_a_page_was_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let [take, log] = ["take.jsonl", "log"].map(|name| folder.path().join(name));
+    let mut run = edgecap();
+    run.args(["run", "--size", "64x64", "--threads", "1", "--input"]);
+    run.arg(grey_film(folder.path())).arg("--jsonl").arg(&take);
+    assert!(run.output().unwrap().status.success());
+    let name = stream("journal");
+    for args in [
+        ["bridge", "--camera", &name, "--view"],
+        ["view", "--camera", &name, "--listen"],
+        ["view", "--record", take.to_str().unwrap(), "--listen"],
+    ] {
+        let stderr = std::fs::File::create(&log).unwrap();
+        let it = stderr.metadata().unwrap();
+        let mut verb = edgecap();
+        verb.args(args)
+            .args(["127.0.0.1:0", "--token", "open-sesame"])
+            .env("JOURNAL_STREAM", format!("{}:{}", it.dev(), it.ino()));
+        let verb = verb.stdout(Stdio::piped()).stderr(stderr).spawn();
+        let mut running = Running(verb.unwrap());
+        let mut said = String::new();
+        let stdout = running.0.stdout.take().unwrap();
+        BufReader::new(stdout).read_line(&mut said).unwrap();
+        assert!(said.contains("http://127.0.0.1:"), "{args:?}: {said}");
+        assert!(!said.contains("open-sesame"), "{args:?}: {said}");
+    }
+}
+
+/// The cameras of the settings run meanwhile: theirs is the address, and their people alone are to be seen.
+#[test]
+fn a_film_goes_only_where_it_is_told_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let (socket, osc) = listen();
+    let page = TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = page.local_addr().unwrap();
+    let [file, flight] = ["edgecap.toml", "last"].map(|name| folder.path().join(name));
+    let camera = format!(
+        "[network]\nsize = \"64x64\"\nthreads = 1\n\
+        [bridges]\nview = \"{taken}\"\ntoken = \"open-sesame\"\nosc = {osc:?}\nflight = {flight:?}\n\
+        [[camera]]\ninput = \"/dev/video0\"\n"
+    );
+    std::fs::write(&file, camera).unwrap();
+    let film = grey_film(folder.path());
+    let run = |more: &[&str]| {
+        let mut run = edgecap();
+        run.args(["run", "--config", file.to_str().unwrap(), "--input"]);
+        run.arg(&film).args(["--jsonl", "-"]).args(more);
+        run.output().unwrap()
+    };
+    let out = run(&[]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(!out.stdout.is_empty() && !flight.exists());
+    socket.set_nonblocking(true).unwrap();
+    assert!(receive(&socket).is_none(), "nobody has asked for it");
+    let out = run(&["--osc", &osc]);
+    assert!(out.status.success(), "{}", stderr(&out));
+    assert!(receive(&socket).is_some());
+    let out = run(&["--view", "127.0.0.1:0"]);
+    let said = stderr(&out);
+    assert!(
+        out.status.success() && said.contains("the page: http://"),
+        "{said}"
+    );
+    let out = run(&["--token", "another-one"]);
+    assert_eq!(out.status.code(), Some(64), "{}", stderr(&out));
 }
 
 /// Whole frames of the records in a folder, by file.

@@ -1,7 +1,13 @@
-//! A connection of which no more is heard at a time than is wanted.
+//! A connection of which no more is heard at a time than is wanted, and that says when it has room.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::TcpStream;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::net::sockopt;
+
+use crate::http::take_leave;
 
 /// Bytes that are heard in one turn: hundreds of pings. Who has more to say is not heard to the end at once, so that
 /// nobody can keep a thread busy by talking.
@@ -49,6 +55,26 @@ impl Ear {
         };
         self.stream.set_nonblocking(false)?;
         Ok(self.full < MOST_TURNS)
+    }
+
+    /// Whether a third of the kernel's buffer is free; waits up to `patience` for it.
+    pub fn has_room(&self, patience: Duration) -> bool {
+        let patience = Timespec::try_from(patience).unwrap_or_default();
+        let mut polled = [PollFd::new(&self.stream, PollFlags::OUT)];
+        // A connection that is broken says so when it is written to.
+        poll(&mut polled, Some(&patience)).is_ok_and(|ready| ready > 0)
+    }
+
+    /// Keeps of what is sent from now on so many bytes in the kernel; it doubles them for its own needs.
+    pub fn hold(&self, bytes: usize) {
+        // Without it what is sent comes later, no more.
+        let _ = sockopt::set_socket_send_buffer_size(&self.stream, bytes);
+    }
+
+    /// Ends the connection so that what was sent last is heard.
+    pub fn leave(&mut self) {
+        // Who has gone hears nothing.
+        let _ = take_leave(&mut self.stream);
     }
 }
 

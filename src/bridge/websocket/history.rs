@@ -59,10 +59,20 @@ impl History {
         self.every
     }
 
-    /// What is kept of the time before `now`, of one camera or of all, oldest first.
-    pub fn frames(&self, now: Instant, camera: Option<&str>) -> impl Iterator<Item = &Bytes> {
+    /// What is kept of so long a time before `now`, of a record all of it, of one camera or of all, oldest first.
+    pub fn frames(
+        &self,
+        now: Instant,
+        within: Duration,
+        camera: Option<&str>,
+    ) -> impl Iterator<Item = &Bytes> {
         let past = self.frames.iter();
-        past.filter(move |kept| !kept.is_old(now, self.keep))
+        // When a record was read says nothing about its frames.
+        let within = match self.keep {
+            Duration::MAX => Duration::MAX,
+            keep => within.min(keep),
+        };
+        past.filter(move |kept| !kept.is_old(now, within))
             .filter(move |kept| camera.is_none_or(|wanted| wanted == kept.camera))
             .map(|kept| &kept.bytes)
     }
@@ -129,12 +139,12 @@ mod tests {
         for n in 0..count {
             history.remember(now, "hall", n.to_le_bytes().repeat(50).into());
             assert!(history.bytes <= 1200);
-            let newest = history.frames(now, None).last().unwrap();
+            let newest = history.frames(now, keep, None).last().unwrap();
             assert_eq!(newest[..2], n.to_le_bytes());
         }
         let number = |b: &Bytes| u16::from_le_bytes([b[0], b[1]]);
         (
-            history.frames(now, None).map(number).collect(),
+            history.frames(now, keep, None).map(number).collect(),
             history.every(),
         )
     }
@@ -154,6 +164,17 @@ mod tests {
         let mut none = History::new(Duration::ZERO);
         let now = Instant::now();
         none.remember(now, "hall", Bytes::from_static(b"frame"));
-        assert_eq!(none.frames(now, None).count(), 0);
+        assert_eq!(none.frames(now, Duration::MAX, None).count(), 0);
+    }
+
+    #[test]
+    fn who_asks_for_the_last_seconds_gets_all_of_a_record() {
+        let [second, hour] = [1, 3600].map(Duration::from_secs);
+        let now = Instant::now();
+        for (keep, kept) in [(2 * hour, 0), (Duration::MAX, 1)] {
+            let mut history = History::new(keep);
+            history.remember(now, "hall", Bytes::from_static(b"frame"));
+            assert_eq!(history.frames(now + hour, second, None).count(), kept);
+        }
     }
 }

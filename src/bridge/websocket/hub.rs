@@ -21,6 +21,13 @@ use crate::message::{BodyFrame, EventFrame, PictureFrame};
 #[derive(Debug, Clone)]
 pub struct Hub(Arc<Mutex<Inner>>);
 
+/// The least time between two frames of a camera, nanoseconds: the page tells them apart by when they were published,
+/// in numbers that after months of uptime no longer hold one.
+pub const APART: u64 = 1000;
+
+/// What a client that wants a mark is sent after the past, as text.
+const MARK: &str = "now";
+
 /// What serves one client.
 type Serve = Box<dyn FnOnce(Line<'_>) + Send>;
 
@@ -127,9 +134,7 @@ impl Hub {
     pub fn quiet(&self, camera: &str, newest: &mut BodyFrame) {
         if newest.count > 0 {
             newest.count = 0;
-            // The page tells frames apart by when they were published, in numbers that after months of uptime no longer
-            // hold nanoseconds.
-            newest.publish_ns += 1000;
+            newest.publish_ns += APART;
             self.publish(camera, newest);
         }
     }
@@ -193,7 +198,7 @@ impl Hub {
     pub fn answer(&self, request: &Request) -> Answer {
         let path = &*request.path;
         if path == "/features" {
-            return self.features();
+            return self.features(request.is_full);
         }
         if !["/bodies", "/events", "/pictures"].contains(&path) {
             let line = "bodies are at /bodies and events at /events, over WebSocket";
@@ -212,7 +217,7 @@ impl Hub {
             Ok(both) => both,
             Err(refused) => return refused,
         };
-        if path != "/bodies" && client.wants_history {
+        if path != "/bodies" && !client.history.is_zero() {
             let line =
                 "history=1: expected at /bodies; what has happened in a record comes unasked";
             return Answer::refusal("400 Bad Request", line);
@@ -232,8 +237,8 @@ impl Hub {
         }))
     }
 
-    /// What the page may show.
-    fn features(&self) -> Answer {
+    /// What the page may show; `is_full`: a stream more is not to be had.
+    fn features(&self, is_full: bool) -> Answer {
         let pictures = self.shows_pictures();
         // Of a record, which is kept for ever, the page keeps all as well.
         let (keep, loading, id) = {
@@ -246,8 +251,8 @@ impl Hub {
             kind: "application/json",
             headers: &[("Cache-Control", "no-store")],
             body: format!(
-                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"loading\":{loading},\"seconds\":{seconds},\
-                 \"server\":\"{id:016x}\"}}\n"
+                "{{\"pictures\":{pictures},\"recorded\":{recorded},\"loading\":{loading},\"full\":{is_full},\
+                 \"seconds\":{seconds},\"server\":\"{id:016x}\"}}\n"
             )
             .into_bytes()
             .into(),
@@ -288,10 +293,15 @@ impl Hub {
         let mut inner = self.lock();
         inner.clients.retain(Place::is_taken);
         inner.clients.push(Place::new(client, &mailbox));
-        let past = inner.history.frames(now, client.camera.as_deref());
-        let past = past.map(|bytes| Message::Binary(bytes.clone()));
-        let past = past.filter(|_| client.wants_history).collect();
-        (mailbox, past)
+        let past: Vec<Message> = match client.history {
+            Duration::ZERO => Vec::new(),
+            within => {
+                let past = inner.history.frames(now, within, client.camera.as_deref());
+                past.map(|bytes| Message::Binary(bytes.clone())).collect()
+            }
+        };
+        let mark = client.wants_mark.then(|| Message::text(MARK));
+        (mailbox, past.into_iter().chain(mark).collect())
     }
 
     /// The place of a client of events, and what it is to hear of the past.
@@ -369,7 +379,8 @@ mod tests {
         let past = |camera: Option<&str>| {
             let client = Client {
                 camera: camera.map(ToOwned::to_owned),
-                wants_history: true,
+                history: Duration::MAX,
+                wants_mark: false,
                 is_binary: true,
             };
             hub.join(&client, Instant::now()).1.len()
@@ -381,11 +392,38 @@ mod tests {
     }
 
     #[test]
+    fn who_comes_again_gets_what_it_has_missed_and_a_mark() {
+        let minute = Duration::from_secs(60);
+        let hub = Hub::new(minute, false);
+        hub.publish("hall", &BodyFrame::default());
+        let now = Instant::now();
+        let past = |history, wants_mark, ago| {
+            let client = Client {
+                camera: None,
+                history,
+                wants_mark,
+                is_binary: true,
+            };
+            let (_, past) = hub.join(&client, now + ago);
+            let is_mark = |m: &Message| *m == Message::text(MARK);
+            (past.len(), past.last().is_some_and(is_mark))
+        };
+        let [soon, late] = [3, 20].map(Duration::from_secs);
+        let ten = Duration::from_secs(10);
+        for (history, ago, frames) in [(ten, soon, 1), (ten, late, 0), (Duration::MAX, late, 1)] {
+            assert_eq!(past(history, false, ago), (frames, false));
+            assert_eq!(past(history, true, ago), (frames + 1, true));
+        }
+        assert_eq!(past(Duration::ZERO, false, soon), (0, false));
+    }
+
+    #[test]
     fn who_has_gone_leaves_no_place_behind_where_nothing_is_published() {
         let hub = Hub::new(Duration::ZERO, true);
         let client = Client {
             camera: None,
-            wants_history: false,
+            history: Duration::ZERO,
+            wants_mark: false,
             is_binary: false,
         };
         let stays = (
@@ -419,7 +457,8 @@ mod tests {
         hub.quiet("hall", &mut newest);
         let client = Client {
             camera: None,
-            wants_history: true,
+            history: Duration::MAX,
+            wants_mark: false,
             is_binary: true,
         };
         let (_, past) = hub.join(&client, Instant::now());
@@ -445,7 +484,8 @@ mod tests {
             hub.publish("hall", &frame);
             let client = Client {
                 camera: None,
-                wants_history: true,
+                history: Duration::MAX,
+                wants_mark: false,
                 is_binary: true,
             };
             let (_, past) = hub.join(&client, Instant::now());
@@ -463,7 +503,8 @@ mod tests {
     fn who_comes_after_a_silence_sees_nothing_old_but_all_of_a_record() {
         let client = Client {
             camera: None,
-            wants_history: true,
+            history: Duration::MAX,
+            wants_mark: false,
             is_binary: true,
         };
         let minute = Duration::from_secs(60);

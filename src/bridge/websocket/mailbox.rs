@@ -39,29 +39,31 @@ pub trait OfCamera {
 }
 
 impl<T: OfCamera> Mailbox<Arc<T>> {
-    /// Puts something in, in place of what waits of the same camera.
+    /// Puts something in, in place of what waits of the same camera: behind the others a camera that publishes often
+    /// would never have its turn.
     pub fn replace(&self, item: &Arc<T>) {
-        self.put(Arc::clone(item), |items| {
-            items.retain(|other| other.camera() != item.camera());
-        });
+        let mut waiting = self.lock();
+        let waiting = &mut *waiting;
+        let is_same = |other: &&mut Arc<T>| other.camera() == item.camera();
+        match waiting.items.iter_mut().find(is_same) {
+            Some(older) => {
+                *older = Arc::clone(item);
+                waiting.lost += 1;
+            }
+            None => waiting.items.push_back(Arc::clone(item)),
+        }
+        self.arrived.notify_one();
     }
 }
 
 impl<T> Mailbox<T> {
     /// Puts something in behind what waits.
     pub fn queue(&self, item: T) {
-        self.put(item, |items| {
-            while items.len() >= MOST_WAITING {
-                items.pop_front();
-            }
-        });
-    }
-
-    fn put(&self, item: T, make_room: impl FnOnce(&mut VecDeque<T>)) {
         let mut waiting = self.lock();
-        let before = waiting.items.len();
-        make_room(&mut waiting.items);
-        waiting.lost += (before - waiting.items.len()) as u64;
+        while waiting.items.len() >= MOST_WAITING {
+            waiting.items.pop_front();
+            waiting.lost += 1;
+        }
         waiting.items.push_back(item);
         self.arrived.notify_one();
     }
@@ -93,7 +95,7 @@ mod tests {
     use crate::message::BodyFrame;
 
     #[test]
-    fn a_newer_frame_replaces_its_own_camera_s() {
+    fn a_newer_frame_takes_the_place_of_its_own_camera_s() {
         let mailbox = Mailbox::default();
         let packet = |camera: &str, sequence| {
             let frame = BodyFrame {
@@ -109,7 +111,7 @@ mod tests {
         while let Some(p) = mailbox.take(Duration::ZERO) {
             taken.push((p.camera().to_owned(), p.binary()[8]));
         }
-        assert_eq!(taken, [("b".to_owned(), 0), ("a".to_owned(), 2)]);
+        assert_eq!(taken, [("a".to_owned(), 2), ("b".to_owned(), 0)]);
         assert_eq!(mailbox.lost(), 2);
     }
 

@@ -2,8 +2,8 @@
 //!
 //! A client opens `/bodies` and gets every camera's frames as they are published, or only its newest where it is too
 //! slow: what it has not taken is replaced, never queued. Parameters: `format=json` (default) or `binary` ([`binary`]),
-//! `camera=NAME` for one camera, `history=1` for the kept past first (binary only), `token=` where the server wants
-//! one.
+//! `camera=NAME` for one camera, `history=1` for the kept past first (binary only), of which `seconds=` are the last so
+//! many (not of a record) and `mark=1` ends with the text `now`, `token=` where the server wants one.
 //!
 //! At `/events` it gets what happens, of a record all that has happened, in the same two forms. Events are queued: only
 //! a client that is behind by a thousand loses the oldest.
@@ -19,6 +19,6 @@ mod packet;
 mod sink;
 
 pub use access::Access;
-pub use hub::Hub;
+pub use hub::{APART, Hub};
 pub use packet::Packet;
 pub use sink::HubSink;

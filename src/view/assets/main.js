@@ -18,7 +18,14 @@ const BACK_NS = 0.5e9;
 const ANSWERS_WITHIN_MS = 5000;
 /** Pages of one server do not all come back in the same moment. */
 const SPREAD_MS = 3000;
+/** What the server sends after the past. */
+const MARK = 'now';
+/** How long a frame may be on its way, seconds. */
+const ON_THE_WAY_S = 5;
 const AWAY = 'not connected: is edgecap view still running? trying again …';
+const FULL = 'full: too many pages are open; trying again …';
+const BLOCKED = 'the server answers, but no stream comes through: a proxy on the way has to pass WebSockets on, and '
+  + 'the page needs a token there; trying again …';
 const byId = (id) => document.getElementById(id);
 const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pause'].map(byId);
 const [history, space, panel] = [new History(), openSpace(), new Panel()];
@@ -29,11 +36,14 @@ const happened = new Happened(byId('events'));
  * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came,
  * `newest` the latest one of each; `unwritten` says that the tables are those of an earlier frame; `why` says why there
  * is no connection; `isWhole` that pictures and events were asked for, too; `asks` that the server is being asked what
- * it is, and `again` is when it will be.
+ * it is, and `again` is when it will be; `inVain` is how often in a row no stream came though the server had one;
+ * `isPast` says that what comes is of the past; `complete` is the last moment at which nothing was missing, null: there
+ * was none.
  */
 const state = {
   camera: null, at: null, connected: false, heard: new Map(), newest: new Map(), ended: new Set(), changed: true,
-  unwritten: false, isDragged: false, why: 'connecting …', isWhole: false, asks: false, again: 0,
+  unwritten: false, isDragged: false, why: 'connecting …', isWhole: false, asks: false, again: 0, inVain: 0,
+  isPast: false, complete: null,
 };
 /** What the server has told of itself; without `server`: nothing yet. */
 let features = {};
@@ -66,18 +76,27 @@ async function begin() {
   }
 }
 
-/** With the past every time: of what a connection that was lost has brought, nobody knows how much is missing. */
+/** With the past since nothing was missing; of a record all of it. */
 function connect() {
-  const socket = new WebSocket(url('ws', 'bodies', { format: 'binary', history: '1' }));
+  const asked = { format: 'binary', history: '1', mark: '1' };
+  if (state.complete && !features.recorded) asked.seconds = Math.ceil(secondsSince(state.complete) + ON_THE_WAY_S);
+  const socket = new WebSocket(url('ws', 'bodies', asked));
   socket.binaryType = 'arraybuffer';
   const begun = new Set();
   socket.onopen = () => {
     state.connected = true;
+    state.inVain = 0;
+    state.isPast = true;
     // Where there is one place left it is for who is in view.
     beside();
     check();
   };
   socket.onmessage = ({ data }) => {
+    if (data === MARK) {
+      state.isPast = false;
+      state.changed = true;
+    }
+    if (!state.isPast) state.complete = moment();
     const frame = data instanceof ArrayBuffer ? decode(data) : null;
     if (!frame) return;
     if (!frame.ended && !begun.has(frame.camera)) {
@@ -87,6 +106,15 @@ function connect() {
     take(frame);
   };
   return socket;
+}
+
+function moment() {
+  return { steady: performance.now(), wall: Date.now() };
+}
+
+/** By the clock that went further: the one may be set, the other stands still while the machine sleeps. */
+function secondsSince({ steady, wall }) {
+  return Math.max(performance.now() - steady, Date.now() - wall) / 1000;
 }
 
 async function lost(opened) {
@@ -106,15 +134,21 @@ async function ask() {
 }
 
 /** Why a server that answers so lets this page have no stream. */
-function reason({ status, line, loading }) {
+function reason({ status, line, loading, full }) {
+  const isReady = status === 200 && !loading && !full;
+  state.inVain = isReady ? state.inVain + 1 : 0;
   if (status === 403) return `not let in: ${line}`;
   if (loading) return 'the record is still read …';
-  return status === 200 || status === 503 ? 'full: too many pages are open; trying again …' : AWAY;
+  if (full || status === 503) return FULL;
+  if (!isReady) return AWAY;
+  // It may have become ready after it was asked for the stream.
+  return state.inVain > 1 ? BLOCKED : state.why;
 }
 
 /** Another server may show something else, by another page. */
 function reloadIfAnother({ server }) {
-  if (server !== features.server) setTimeout(() => location.reload(), SPREAD_MS * Math.random());
+  const anew = window.loadAnew ?? (() => location.reload());
+  if (server !== features.server) anew(SPREAD_MS * Math.random());
 }
 
 function know(told) {
@@ -240,6 +274,7 @@ function words() {
   if (!state.connected) return state.why;
   if (state.camera === null) return 'nobody publishes yet: start edgecap';
   if (features.recorded) return `${state.camera}: recorded`;
+  if (state.isPast && state.at === null) return `${state.camera}: the last minute is loading …`;
   if (state.ended.has(state.camera)) return `${state.camera}: the input has ended`;
   if (state.at !== null) return `${state.camera}: paused`;
   return quiet ? `${state.camera}: no frames come` : `${state.camera}: live`;
@@ -254,6 +289,7 @@ function show(frames, index) {
   scrub.min = Math.min(-1, (frames[0].publishNs - newest().publishNs) / 1e9);
   if (!state.isDragged || state.at === null) scrub.value = ago;
   when.textContent = state.at === null ? newestIs() : `${ago.toFixed(2)} s`;
+  if (state.at === null && state.isPast) when.textContent = '…';
 }
 
 function step(now) {

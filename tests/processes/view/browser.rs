@@ -288,7 +288,8 @@ fn long_a_browser_whose_connections_break_off_shows_all_of_a_record_once() {
     );
     browser.open(&view.url);
     browser.until("window.edgecap && edgecap.frames().length === 50");
-    assert_eq!(browser.value("heard.bodies"), 60);
+    // And a word after the last of them.
+    browser.until("heard.bodies === 61");
     browser.until("heard.events === 2");
     assert_eq!(browser.value("edgecap.events().length"), 1);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
@@ -452,6 +453,63 @@ fn long_a_browser_notices_a_server_that_answers_no_more() {
     browser.until("edgecap.scene().state.startsWith('not connected')");
     signal(view.run.pid(), "CONT");
     browser.until("edgecap.scene().state.startsWith('nobody publishes yet')");
+
+    // A page is not loaded anew from a server that is gone again.
+    browser.value(
+        "{ window.isOld = true; sessionStorage.refused = 0; const own = window.fetch; \
+         window.fetch = (...asked) => { if (sessionStorage.refused >= 2) return own(...asked); \
+         sessionStorage.refused++; return Promise.reject(new TypeError('no server')); }; loadAnew(0) }",
+    );
+    browser.until("!window.isOld && window.edgecap && sessionStorage.refused >= 2");
+    browser.until("edgecap.scene().state.startsWith('nobody publishes yet')");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_says_why_no_stream_comes_and_when_the_past_does() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        eprintln!("skipped: no chromium on this machine");
+        return;
+    };
+    let view = View::start("streamless", &[]);
+    // Every stream is taken.
+    let others: Vec<_> = (0..32).map(|_| view.connect("")).collect();
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.scene().state.startsWith('full: ')");
+    drop(others);
+    browser.until("edgecap.scene().state.startsWith('nobody publishes yet')");
+
+    // As a proxy that knows no WebSocket, until it is let through; and of the past the end alone is late.
+    browser.before(
+        "{ const Own = WebSocket; window.isOpen = false; window.late = []; window.said = []; \
+         window.WebSocket = class extends Own { constructor(url) { \
+         said.push(document.getElementById('say').textContent); \
+         super(window.isOpen ? url : url.replace('/bodies', '/nothing')); \
+         this.addEventListener('message', (e) => { if (e.data !== 'now') return; \
+         e.stopImmediatePropagation(); late.push(() => this.onmessage(e)); }); } }; }",
+    );
+    browser.open(&view.url);
+    browser.until(
+        "window.edgecap && edgecap.scene().state.startsWith('the server answers, but no stream')",
+    );
+    // Not after the first one in vain: the server may have come up meanwhile.
+    assert_eq!(browser.value("said[1]"), "connecting …");
+    browser.value("window.isOpen = true");
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    let mut sequence = 0;
+    let mut until = |browser: &mut Browser, end: &str| {
+        let wanted = format!("edgecap.scene().state === '{}: {end}'", view.camera);
+        eventually(end, || {
+            sequence += 1;
+            publisher.publish(&crowd(1, sequence)).unwrap();
+            (browser.value(&wanted) == Value::Bool(true)).then_some(())
+        });
+    };
+    until(&mut browser, "the last minute is loading …");
+    browser.value("late.forEach((take) => take())");
+    until(&mut browser, "live");
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 

@@ -37,6 +37,13 @@ fn the_page_is_in_the_program_and_strangers_are_refused() {
         ("GET", "/bodies?format=xml", "", "400", ""),
         (
             "GET",
+            "/bodies?format=binary&history=1&seconds=few",
+            "",
+            "400",
+            "",
+        ),
+        (
+            "GET",
             "/bodies",
             "Origin: http://evil.example\r\n",
             "403",
