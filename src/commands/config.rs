@@ -1,7 +1,7 @@
 //! `edgecap config`: is the file right, what holds and where it came from, a file to begin with.
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::Value;
@@ -17,6 +17,7 @@ const MARGIN: usize = 40;
 
 /// Options of `edgecap config`.
 #[derive(Debug, clap::Args)]
+#[command(arg_required_else_help = false)]
 pub struct ConfigVerb {
     #[command(subcommand)]
     what: What,
@@ -45,7 +46,9 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
             let effective = settings::effective(&run, &settings)?;
             effective.check()?;
             effective.expect_start()?;
-            say::whole(&checked(settings.file.as_deref(), &effective.runs()?))?;
+            let runs = effective.runs()?;
+            let file = settings.file.as_deref();
+            say::whole(&checked(file, &runs, &effective.reads()))?;
         }
         What::Print(run) => {
             let settings = Settings::load(&run.settings)?;
@@ -59,12 +62,12 @@ pub fn config(args: ConfigVerb) -> anyhow::Result<()> {
 }
 
 /// That settings are right, and what they want of the service's unit.
-fn checked(file: Option<&Path>, runs: &[RunArgs]) -> String {
+fn checked(file: Option<&Path>, runs: &[RunArgs], reads: &[(&'static str, PathBuf)]) -> String {
     let mut out = match file {
         Some(file) => format!("{}: right", file.display()),
         None => "no edgecap.toml: defaults hold; 'edgecap config sample' is one".to_owned(),
     };
-    for finding in held_back(file, runs) {
+    for finding in held_back(file, runs, reads) {
         let _ = write!(out, "\n{finding}");
     }
     out
@@ -194,7 +197,7 @@ mod tests {
     fn settings_that_the_unit_does_not_suffice_for_are_right_and_more() {
         let mut run = RunArgs::default();
         run.record.jsonl = Some("/srv/hall.jsonl".into());
-        let said = checked(Some(Path::new("/etc/edgecap/edgecap.toml")), &[run]);
+        let said = checked(Some(Path::new("/etc/edgecap/edgecap.toml")), &[run], &[]);
         let (first, rest) = said.split_once('\n').unwrap();
         assert_eq!(first, "/etc/edgecap/edgecap.toml: right");
         assert!(rest.contains("ReadWritePaths=/srv, "), "{rest}");

@@ -14,7 +14,8 @@ pub type Parsed<T> = Arc<Job<T>>;
 /// # Errors
 /// What is wrong with the text.
 pub fn parse<T: DeserializeOwned>(text: &str) -> Result<Parsed<T>, String> {
-    serde_json::from_str(text)
+    let text = supervise::handed_over(text).map_err(|e| e.to_string())?;
+    serde_json::from_str(&text)
         .map(Arc::new)
         .map_err(|e| e.to_string())
 }

@@ -1,7 +1,7 @@
 //! The files that a verb writes, as the user names them, and how a verb ends.
 
-use std::io::ErrorKind;
-use std::path::PathBuf;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -10,7 +10,7 @@ use super::input::path_in_words;
 use super::say;
 use crate::output;
 use crate::record::{Format, Row};
-use crate::sink::{PatientRecord, RecordSink, SinkError, Sinks};
+use crate::sink::{PatientRecord, RecordSink, SinkError, Sinks, is_full_or_away};
 
 /// Options of what is recorded.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -72,26 +72,15 @@ impl RecordArgs {
     /// Looks whether the records could be made, without making any. Where a relative path begins only the run knows.
     ///
     /// # Errors
-    /// Exit code 78; what this user may not do another may: that is only said.
+    /// Exit code 78; what this user may not do another may, and a disk may come back: that is only said.
     pub fn expect_place(&self, camera: &str) -> anyhow::Result<()> {
         for path in self.jsonl.iter().chain(&self.record) {
             let tried = match path.is_absolute() {
                 true => output::try_place(path),
                 false => Ok(()),
             };
-            match tried {
-                Ok(()) => {}
-                Err(e) if e.kind() == ErrorKind::PermissionDenied => say::err(&format!(
-                    "[[camera]] {camera}: {}: this user may not write there; who runs it has to",
-                    path.display()
-                )),
-                Err(e) => {
-                    return Err(Failure::config(format!(
-                        "expected a place for a record, found {}: {e}; choose a writable one",
-                        path.display()
-                    ))
-                    .into());
-                }
+            if let Some(line) = told_of_place(camera, path, tried)? {
+                say::err(&line);
             }
         }
         Ok(())
@@ -103,6 +92,34 @@ impl RecordArgs {
         let all = lines.chain(self.record.iter().map(|path| (path, Format::Binary)));
         all.inspect(|(path, _)| output::sweep(path))
     }
+}
+
+/// What is only said of a place for a record that was `tried`.
+///
+/// # Errors
+/// As [`RecordArgs::expect_place`].
+fn told_of_place(
+    camera: &str,
+    path: &Path,
+    tried: io::Result<()>,
+) -> Result<Option<String>, Failure> {
+    let Err(e) = tried else {
+        return Ok(None);
+    };
+    let name = path.display();
+    if e.kind() == ErrorKind::PermissionDenied {
+        return Ok(Some(format!(
+            "[[camera]] {camera}: {name}: this user may not write there; who runs it has to"
+        )));
+    }
+    if is_full_or_away(path, &e) {
+        return Ok(Some(format!(
+            "[[camera]] {camera}: {name}: {e}: the disk is full or away; the run of a camera goes on, and tries it again every minute"
+        )));
+    }
+    Err(Failure::config(format!(
+        "expected a place for a record, found {name}: {e}; choose a writable one"
+    )))
 }
 
 /// Ends a verb that has computed `frames`: what was computed is made complete, whatever went wrong, and then it is
@@ -130,7 +147,30 @@ mod tests {
     use std::time::{Duration, SystemTime};
 
     use super::*;
+    use crate::commands::exit;
     use crate::record::BodiesRow;
+
+    #[test]
+    fn a_disk_that_is_full_or_away_is_no_mistake_of_the_settings() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        let told = |errno: i32| {
+            let tried = Err(io::Error::from_raw_os_error(errno));
+            told_of_place("hall", &path, tried)
+        };
+        for errno in [libc::ENOSPC, libc::EIO, libc::ESTALE] {
+            let line = told(errno).unwrap().unwrap();
+            assert!(
+                line.contains("hall.jsonl: ") && line.contains("full or away"),
+                "{line}"
+            );
+        }
+        let line = told(libc::EACCES).unwrap().unwrap();
+        assert!(line.contains("this user may not write there"), "{line}");
+        let refused = told(libc::ENOTDIR).unwrap_err().into();
+        assert_eq!(exit::code(&refused), exit::CONFIG);
+        assert!(told_of_place("hall", &path, Ok(())).unwrap().is_none());
+    }
 
     #[test]
     fn what_was_left_goes_where_the_record_lies_and_not_its_link() {

@@ -9,6 +9,7 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::exit::Failure;
+use super::log;
 use crate::bridge::websocket::{Access, Hub};
 use crate::http::Server;
 use crate::view;
@@ -84,6 +85,8 @@ pub struct PageServer {
     server: Server,
     hub: Hub,
     token: Option<String>,
+    /// Whoever may open the page has the token from where it was set.
+    is_token_known: bool,
 }
 
 impl PageServer {
@@ -126,24 +129,42 @@ impl PageServer {
                 server.address()
             );
         }
-        Ok(Self { server, hub, token })
+        Ok(Self {
+            server,
+            hub,
+            token,
+            is_token_known: args.token.is_some(),
+        })
     }
 
     /// What a browser opens.
-    pub fn url(&self) -> String {
+    fn url(&self) -> String {
+        let mut url = self.place();
+        if let Some(token) = &self.token {
+            let _ = write!(url, "?token={token}");
+        }
+        url
+    }
+
+    /// The same as this process says it. More people read the journal than the settings: a token that was set, it does
+    /// not hold.
+    pub fn url_for_log(&self) -> String {
+        match self.is_token_known && log::to_journal() {
+            true => format!("{} (with the token that was set)", self.place()),
+            false => self.url(),
+        }
+    }
+
+    fn place(&self) -> String {
         let address = self.server.address();
         let host = fs::read_to_string("/proc/sys/kernel/hostname");
-        let mut url = match host {
+        match host {
             // Other machines reach it by this one's name.
             Ok(host) if address.ip().is_unspecified() => {
                 format!("http://{}:{}/", host.trim(), address.port())
             }
             _ => format!("http://{address}/"),
-        };
-        if let Some(token) = &self.token {
-            let _ = write!(url, "?token={token}");
         }
-        url
     }
 
     /// Where frames go.

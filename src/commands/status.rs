@@ -26,6 +26,7 @@ use super::exit::Failure;
 use super::say;
 use crate::counted::counted;
 use crate::metrics::{Meter, Snapshot};
+use crate::supervise::permissions;
 
 const RENEW_EVERY: Duration = Duration::from_secs(1);
 /// A file that is older belongs to a supervisor that hangs.
@@ -81,7 +82,7 @@ impl StatusFile {
                     };
                     let path = status_of(life.path());
                     if let Ok(text) = serde_json::to_vec(&status)
-                        && let Err(e) = crate::output::write_passing(&path, &text)
+                        && let Err(e) = renew(&path, &text)
                     {
                         tracing::debug!("{}: {e}", path.display());
                     }
@@ -306,6 +307,17 @@ fn sign_of_life(folder: &Path) -> io::Result<NamedTempFile> {
     Ok(file)
 }
 
+/// Writes a run's file, which whoever may look into the folder may read, if this process is to let others read files.
+fn renew(path: &Path, text: &[u8]) -> io::Result<()> {
+    crate::output::write_passing(path, text)?;
+    // While a thread binds a socket of iceoryx2 files get less, and what replaces a file has its permissions.
+    let mode = permissions(0o666);
+    match fs::symlink_metadata(path)?.mode() & 0o777 == mode {
+        true => Ok(()),
+        false => fs::set_permissions(path, Permissions::from_mode(mode)),
+    }
+}
+
 /// Whether somebody has cleaned the file away.
 fn is_removed(file: &NamedTempFile) -> bool {
     file.as_file().metadata().is_ok_and(|m| m.nlink() == 0)
@@ -398,6 +410,18 @@ mod tests {
         assert!(!is_removed(&life));
         fs::remove_file(life.path()).unwrap();
         assert!(is_removed(&life));
+    }
+
+    #[test]
+    fn a_file_that_others_could_not_read_once_they_can_read_after_the_next_write() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("status-hall.json");
+        let mode = || fs::metadata(&path).unwrap().mode() & 0o777;
+        renew(&path, b"{}").unwrap();
+        assert_eq!(mode(), permissions(0o666));
+        fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
+        renew(&path, b"{}").unwrap();
+        assert_eq!(mode(), permissions(0o666));
     }
 
     #[test]

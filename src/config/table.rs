@@ -120,6 +120,20 @@ impl<'a> Table<'a> {
         places
     }
 
+    /// The whole numbers of this table: the key of each, where it stands, and its decimal digits.
+    pub fn integers(&self) -> Vec<(String, Place, String)> {
+        let mut all = Vec::new();
+        for (key, value) in &self.left {
+            if let DeValue::Integer(number) = value.get_ref() {
+                let place = line_and_column(self.text, value.span().start);
+                let digits = i128::from_str_radix(number.as_str(), number.radix());
+                let text = digits.map_or_else(|_| number.to_string(), |n| n.to_string());
+                all.push((key.get_ref().to_string(), place, text));
+            }
+        }
+        all
+    }
+
     /// Where this table begins.
     pub fn head(&self) -> Place {
         line_and_column(self.text, self.span.start)

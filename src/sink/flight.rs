@@ -9,6 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
 
+use super::patient::is_full_or_away;
 use super::{Packet, Sink, SinkError};
 use crate::message::BodyFrame;
 use crate::output;
@@ -16,7 +17,7 @@ use crate::record::{BodiesRow, FlightRecorder};
 
 /// Crashes save no more often than this: what they save would be the same minute.
 const BETWEEN: Duration = Duration::from_secs(60);
-/// With so many files in the folder crashes save nothing any more: nobody looks at them.
+/// With so many of a camera's minutes in the folder crashes save no more: nobody looks at them.
 const MOST_FILES: usize = 20;
 /// How long the end waits for what is being written.
 const LAST: Duration = Duration::from_secs(3);
@@ -38,22 +39,38 @@ struct Inner {
     saved: Option<Instant>,
     /// Hears the end of what is being written: nothing is sent.
     under_way: Option<Receiver<()>>,
+    /// Somebody was told that there are plenty of them.
+    has_told: bool,
 }
 
 impl FlightSink {
-    /// Saves to `folder`, which is made.
+    /// Saves to `folder`, which is made; where its disk is full or away, when something is saved.
     ///
     /// # Errors
-    /// [`SinkError::Create`].
+    /// [`SinkError::Create`] for a place that cannot be one.
     pub fn create(folder: &Path, camera: &str) -> Result<Self, SinkError> {
-        Self::with_writer(folder, camera, output::write_passing)
+        let made = fs::create_dir_all(folder);
+        Self::with_writer(folder, made, camera, output::write_passing)
     }
 
-    fn with_writer(folder: &Path, camera: &str, write: Write) -> Result<Self, SinkError> {
-        fs::create_dir_all(folder).map_err(|cause| SinkError::Create {
+    /// With a folder that was `made`, or could not be.
+    fn with_writer(
+        folder: &Path,
+        made: io::Result<()>,
+        camera: &str,
+        write: Write,
+    ) -> Result<Self, SinkError> {
+        let refused = |cause| SinkError::Create {
             path: folder.to_owned(),
             cause,
-        })?;
+        };
+        match made {
+            Err(e) if is_full_or_away(folder, &e) => {
+                let e = refused(e);
+                tracing::warn!("the last minute: {e}; the folder is made when something is saved");
+            }
+            made => made.map_err(refused)?,
+        }
         Ok(Self(Arc::new(Mutex::new(Inner {
             flight: FlightRecorder::default(),
             folder: folder.to_owned(),
@@ -61,6 +78,7 @@ impl FlightSink {
             write,
             saved: None,
             under_way: None,
+            has_told: false,
         }))))
     }
 
@@ -97,7 +115,8 @@ impl FlightSink {
         let this = self.clone();
         let thread = thread::Builder::new().name("flight".into());
         let begun = thread.spawn(move || {
-            if !keep(&path, &bytes, write, crashed) && crashed {
+            let is_kept = !(crashed && this.has_plenty()) && keep(&path, &bytes, write);
+            if !is_kept && crashed {
                 this.lock().saved = None;
             }
             drop(ends);
@@ -110,6 +129,31 @@ impl FlightSink {
         if crashed {
             inner.saved = Some(now);
         }
+    }
+
+    /// Whether so many of this camera's minutes are in the folder that a crash saves no more; said once.
+    fn has_plenty(&self) -> bool {
+        let (folder, camera) = {
+            let inner = self.lock();
+            (inner.folder.clone(), inner.camera.clone())
+        };
+        let is_minute = |name: &str| {
+            let time = name.strip_prefix(&*camera)?.strip_prefix('-')?;
+            let time = time.strip_suffix(".record")?;
+            time.bytes().all(|b| b.is_ascii_digit()).then_some(())
+        };
+        // A folder that cannot be read cannot be written to, most often, and that says why.
+        let entries = fs::read_dir(&folder).into_iter().flatten().flatten();
+        let names = entries.filter_map(|e| e.file_name().into_string().ok());
+        let has_plenty = names.filter_map(|n| is_minute(&n)).count() >= MOST_FILES;
+        if has_plenty && !self.lock().has_told {
+            tracing::warn!(
+                "no more last minutes of {camera} are saved after crashes: {} holds {MOST_FILES}; move them away",
+                folder.display()
+            );
+        }
+        self.lock().has_told = has_plenty;
+        has_plenty
     }
 
     /// Waits so long for what is being written.
@@ -141,15 +185,8 @@ impl Inner {
     }
 }
 
-/// Writes the minute, after a crash only where there is not plenty already; whether it is there, which is said.
-fn keep(path: &Path, bytes: &[u8], write: Write, crashed: bool) -> bool {
-    let files = || {
-        let folder = path.parent().map(fs::read_dir);
-        folder.and_then(Result::ok).map_or(0, Iterator::count)
-    };
-    if crashed && files() >= MOST_FILES {
-        return false;
-    }
+/// Writes the minute; whether it is there, which is said.
+fn keep(path: &Path, bytes: &[u8], write: Write) -> bool {
     match write(path, bytes) {
         Ok(()) => {
             tracing::warn!("the last minute → {}", path.display());
@@ -214,14 +251,59 @@ mod tests {
     }
 
     #[test]
+    fn a_crash_is_saved_whatever_else_is_in_the_folder_and_twenty_times() {
+        let folder = tempfile::tempdir().unwrap();
+        let make = |name: &str| fs::write(folder.path().join(name), "").unwrap();
+        for n in 0..MOST_FILES {
+            make(&format!("hall-2-{n}.record"));
+            make(&format!("hall-{n}.jsonl"));
+        }
+        let mut flight = FlightSink::create(folder.path(), "hall").unwrap();
+        take(&mut flight);
+        let after_crash = || {
+            let before = files(folder.path());
+            flight.lock().saved = None;
+            flight.save_after_crash();
+            flight.wait(Duration::MAX);
+            (files(folder.path()) - before, flight.lock().has_told)
+        };
+        assert_eq!(after_crash(), (1, false));
+        for n in 1..MOST_FILES {
+            make(&format!("hall-{n}.record"));
+        }
+        assert_eq!(after_crash(), (0, true));
+        fs::remove_file(folder.path().join("hall-1.record")).unwrap();
+        // It is told of again when there are plenty again.
+        assert!(!after_crash().1);
+    }
+
+    #[test]
     fn a_crash_that_could_not_be_saved_leaves_the_next_one_its_file() {
         let folder = tempfile::tempdir().unwrap();
         let full: Write = |_, _| Err(io::ErrorKind::StorageFull.into());
-        let mut flight = FlightSink::with_writer(folder.path(), "hall", full).unwrap();
+        let mut flight = FlightSink::with_writer(folder.path(), Ok(()), "hall", full).unwrap();
         take(&mut flight);
         flight.save_after_crash();
         flight.wait(Duration::MAX);
         assert!(flight.lock().saved.is_none());
+    }
+
+    /// A service that ended over it would begin again and again.
+    #[test]
+    fn a_folder_for_which_there_was_no_room_is_made_when_something_is_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().join("last");
+        let begun = |errno: i32| {
+            let refused = Err(io::Error::from_raw_os_error(errno));
+            FlightSink::with_writer(&place, refused, "hall", output::write_passing)
+        };
+        assert!(begun(libc::EACCES).is_err());
+        let mut flight = begun(libc::ENOSPC).unwrap();
+        assert!(!place.exists());
+        take(&mut flight);
+        flight.save();
+        flight.wait(Duration::MAX);
+        assert_eq!(files(&place), 1);
     }
 
     /// Held by a test for as long as the disk hangs.
@@ -234,7 +316,7 @@ mod tests {
             let _disk = DISK.lock();
             output::write(path, bytes)
         };
-        let mut flight = FlightSink::with_writer(folder.path(), "hall", hanging).unwrap();
+        let mut flight = FlightSink::with_writer(folder.path(), Ok(()), "hall", hanging).unwrap();
         let disk = DISK.lock();
         take(&mut flight);
         flight.save();

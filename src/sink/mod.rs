@@ -16,6 +16,7 @@ pub use events::EventSink;
 pub use flight::FlightSink;
 pub use overlay::OverlaySink;
 pub use patient::PatientRecord;
+pub(crate) use patient::is_full_or_away;
 pub use picture::PictureSink;
 pub use record::RecordSink;
 pub use shared_memory::{SharedMemorySink, Streamed};

@@ -1,6 +1,7 @@
 //! A record of what goes on without it. A thread of its own writes it: a disk that hangs, or a reader that stands
 //! still, holds nothing up. Where its disk is full, results go everywhere else, and it is tried again.
 
+use std::fs;
 use std::io::{self, ErrorKind};
 use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
@@ -10,9 +11,11 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rustix::io::Errno;
+
 use super::error::name;
 use super::{Packet, RecordSink, Sink, SinkError};
-use crate::output::{is_stdout, no_room};
+use crate::output::{is_read_only, is_stdout, no_room, parent};
 use crate::record::{Format, Row, encode};
 
 /// How often a record that failed is tried again.
@@ -241,15 +244,27 @@ struct Growing<T> {
 
 impl<T: Row> Growing<T> {
     fn create(path: &Path, format: Format) -> Result<Self, SinkError> {
+        Self::begun(path, format, RecordSink::create(path, format))
+    }
+
+    /// With a file that could be begun, or could not.
+    fn begun(
+        path: &Path,
+        format: Format,
+        file: Result<RecordSink<T>, SinkError>,
+    ) -> Result<Self, SinkError> {
         let mut this = Self {
             path: path.to_owned(),
             format,
             record: None,
             trouble: Trouble::default(),
         };
-        match this.begin() {
-            Err(e @ SinkError::Create { .. }) if is_full(&e) => this.fails(Instant::now(), e),
-            begun => begun?,
+        match file {
+            Ok(file) => this.record = Some(file.growing()),
+            Err(SinkError::Create { path, cause }) if is_full_or_away(&path, &cause) => {
+                this.fails(Instant::now(), SinkError::Create { path, cause });
+            }
+            Err(e) => return Err(e),
         }
         Ok(this)
     }
@@ -297,21 +312,52 @@ impl<T: Row> Growing<T> {
     }
 
     fn finish(self) -> Ended {
-        let said = self.record.map_or(Ok(None), |r| Box::new(r).finish());
+        // How it ends is newer than what it failed of before, and says where it lies.
+        let said = self.record.map_or(Ok(None), |r| Box::new(r).finish())?;
         match self.trouble.0 {
             Some((why, _)) => Err(why),
-            None => said,
+            None => Ok(said),
         }
     }
 }
 
-fn is_full(error: &SinkError) -> bool {
-    matches!(error, SinkError::Create { cause, .. } if no_room(cause).is_some())
+/// Whether a disk was full, or away, where this was why no file or folder could be made at `path`: nothing of that is a
+/// mistake in its name.
+pub(crate) fn is_full_or_away(path: &Path, cause: &io::Error) -> bool {
+    is_full_or_away_by(path, cause, |place| fs::metadata(place).map(drop))
+}
+
+/// With what a `look` at a place finds.
+fn is_full_or_away_by(
+    path: &Path,
+    cause: &io::Error,
+    look: impl Fn(&Path) -> io::Result<()>,
+) -> bool {
+    let is_away = |cause: &io::Error| is_away(cause, || is_read_only(path));
+    // Where its mount is dead, making a folder there is told to find one. It may be the path itself.
+    let is_dead = |place: &Path| look(place).is_err_and(|e| is_away(&e));
+    no_room(cause).is_some() || is_away(cause) || [path, parent(path)].into_iter().any(is_dead)
+}
+
+/// Whether a disk fails, is on a machine that does not answer, or takes nothing any more because it `is_read_only`.
+fn is_away(cause: &io::Error, is_read_only: impl FnOnce() -> bool) -> bool {
+    match cause.kind() {
+        ErrorKind::StaleNetworkFileHandle
+        | ErrorKind::NotConnected
+        | ErrorKind::TimedOut
+        | ErrorKind::HostUnreachable => true,
+        ErrorKind::ReadOnlyFilesystem => is_read_only(),
+        // These have no kind.
+        _ => matches!(
+            Errno::from_io_error(cause),
+            Some(Errno::IO | Errno::HOSTDOWN)
+        ),
+    }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::fs::{self, File};
+    use std::fs::File;
     use std::io::Read;
     use std::os::unix::fs::OpenOptionsExt;
 
@@ -319,6 +365,7 @@ mod tests {
 
     use super::*;
     use crate::message::BodyFrame;
+    use crate::output::unnamed;
     use crate::record::{BodiesRow, RowReader};
 
     fn row() -> Vec<u8> {
@@ -353,6 +400,108 @@ mod tests {
         record.take_at(start + AGAIN, &row).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 2);
         assert!(record.finish().unwrap().is_some());
+    }
+
+    #[test]
+    fn a_record_that_cannot_have_its_name_yet_loses_nothing_that_it_took() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        let mut record = Growing::<BodiesRow>::create(&path, Format::Jsonl).unwrap();
+        fs::create_dir(&path).unwrap();
+        let (row, start) = (row(), Instant::now());
+        record.take_at(start, &row).unwrap();
+        let (why, _) = record.trouble.0.as_ref().unwrap();
+        assert!(why.to_string().ends_with("is kept"), "{why}");
+        fs::remove_dir(&path).unwrap();
+        record.take_at(start + AGAIN, &row).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap().lines().count(), 2);
+        assert!(record.finish().unwrap().is_some());
+        fs::remove_file(&path).unwrap();
+        let mut record = Growing::<BodiesRow>::create(&path, Format::Jsonl).unwrap();
+        fs::create_dir(&path).unwrap();
+        record.take_at(start, &row).unwrap();
+        let told = record.finish().unwrap_err().to_string();
+        assert!(told.ends_with("hall-new.jsonl"), "{told}");
+        let beside = folder.path().join("hall-new.jsonl");
+        assert_eq!(fs::read_to_string(beside).unwrap().lines().count(), 1);
+    }
+
+    /// A service that ended over it would stay ended after the disk is back.
+    #[test]
+    fn a_record_whose_disk_is_away_at_the_start_is_tried_again_and_a_wrong_place_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("hall.jsonl");
+        let begun = |cause: io::Error| {
+            let refused = SinkError::Create {
+                path: path.clone(),
+                cause,
+            };
+            Growing::<BodiesRow>::begun(&path, Format::Jsonl, Err(refused))
+        };
+        // As it is told of a file that is to have its name later, too.
+        let both = |errno: Errno| {
+            let told = io::Error::from(errno);
+            let named = format!("{told} at path \"/srv/.edgecap-a.part\"");
+            [errno.into(), unnamed(io::Error::new(told.kind(), named))]
+        };
+        for cause in [
+            Errno::IO,
+            Errno::STALE,
+            Errno::NOTCONN,
+            Errno::TIMEDOUT,
+            Errno::HOSTUNREACH,
+            Errno::HOSTDOWN,
+            Errno::NOSPC,
+        ]
+        .into_iter()
+        .flat_map(both)
+        {
+            let said = cause.to_string();
+            let mut record = begun(cause).unwrap();
+            assert!(record.trouble.0.is_some(), "{said}");
+            record.take_at(Instant::now() + AGAIN, &row()).unwrap();
+            assert_eq!(
+                fs::read_to_string(&path).unwrap(),
+                String::from_utf8(row()).unwrap()
+            );
+            fs::remove_file(&path).unwrap();
+        }
+        for cause in [
+            Errno::ACCESS,
+            Errno::NOTDIR,
+            Errno::ISDIR,
+            Errno::NAMETOOLONG,
+            // Of a file system that is not read-only itself.
+            Errno::ROFS,
+        ]
+        .into_iter()
+        .flat_map(both)
+        {
+            let said = cause.to_string();
+            assert!(begun(cause).is_err(), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_disk_that_is_read_only_is_away_and_one_that_a_unit_keeps_closed_is_not() {
+        let rofs = io::Error::from(Errno::ROFS);
+        assert!(is_away(&rofs, || true));
+        assert!(!is_away(&rofs, || false));
+    }
+
+    /// There is a folder, and no looking at it.
+    #[test]
+    fn a_place_whose_mount_or_that_around_it_is_dead_is_away() {
+        let path = Path::new("/srv/last");
+        let is_away_where = |dead: &str| {
+            let look = |place: &Path| match place == Path::new(dead) {
+                true => Err(Errno::NOTCONN.into()),
+                false => Ok(()),
+            };
+            is_full_or_away_by(path, &Errno::EXIST.into(), look)
+        };
+        assert!(is_away_where("/srv/last") && is_away_where("/srv"));
+        assert!(!is_away_where("/"));
     }
 
     fn take(record: &mut PatientRecord<BodiesRow>, now: Instant, sequence: u64) {

@@ -1,13 +1,15 @@
 //! One verb of this program as a process of its own.
 
-use std::io::{self, Read};
+use std::borrow::Cow;
+use std::fs::File;
+use std::io::{self, Read, Seek, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::PathBuf;
 use std::process::{self, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use edgecap_client::place::{self, RUNTIME_DIR_VARIABLE};
-use rustix::fs::{OFlags, fcntl_setfl};
+use rustix::fs::{MemfdFlags, OFlags, fcntl_setfl, memfd_create};
 use rustix::process::{Pid, Signal, kill_process};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +28,12 @@ const GRACE: Duration = Duration::from_secs(3);
 /// Time to end after SIGKILL: whoever supervises has others to look after.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// What a child is to do, handed over as one argument.
+/// Longest job that is an argument, bytes: Linux takes none of 128 KiB.
+const LONGEST_ARGUMENT: usize = 96 << 10;
+/// The argument in place of a longer job.
+const BY_INPUT: &str = "-";
+
+/// What a child is to do, handed over as one argument, where lists of processes show it; a long one by standard input.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Job<T> {
     /// The process to end with.
@@ -184,13 +191,14 @@ impl Child {
 
     fn start(&mut self) -> io::Result<()> {
         self.starts += 1;
+        let (job, input) = hand_over(&self.job)?;
         let mut command = Command::new(&self.program);
         command
             .arg0(std::env::args_os().next().unwrap_or_default())
-            .args([self.verb, "--job", &self.job])
+            .args([self.verb, "--job", job])
             // Whatever sessions begin or end meanwhile.
             .env(RUNTIME_DIR_VARIABLE, place::runtime_dir())
-            .stdin(Stdio::null())
+            .stdin(input)
             .stdout(Stdio::piped());
         for variable in systemd::VARIABLES {
             command.env_remove(variable);
@@ -240,6 +248,28 @@ impl Child {
             self.left.kill(process, PATIENCE);
         }
         self.policy.ended();
+    }
+}
+
+/// The argument and the standard input of a child with this job.
+fn hand_over(job: &str) -> io::Result<(&str, Stdio)> {
+    if job.len() <= LONGEST_ARGUMENT {
+        return Ok((job, Stdio::null()));
+    }
+    let mut file = File::from(memfd_create("job", MemfdFlags::CLOEXEC)?);
+    file.write_all(job.as_bytes())?;
+    file.rewind()?;
+    Ok((BY_INPUT, file.into()))
+}
+
+/// The job that this process has with this argument.
+///
+/// # Errors
+/// Those of standard input, where it comes by that.
+pub fn handed_over(argument: &str) -> io::Result<Cow<'_, str>> {
+    match argument {
+        BY_INPUT => io::read_to_string(io::stdin()).map(Cow::Owned),
+        job => Ok(job.into()),
     }
 }
 
@@ -297,6 +327,34 @@ pub fn describe(status: ExitStatus) -> String {
 mod tests {
     use super::super::left::tests::one_left;
     use super::*;
+
+    /// No program can be started with an argument of 128 KiB.
+    #[test]
+    fn a_job_of_any_length_arrives() {
+        let folder = tempfile::tempdir().unwrap();
+        let [program, argument, input] =
+            ["program", "argument", "input"].map(|n| folder.path().join(n));
+        let text = format!("printf %s \"$2\" > {argument:?}\ncat > {input:?}\n");
+        for length in [10, 1 << 20] {
+            // Read by a shell, so that nothing runs that is open for writing elsewhere.
+            std::fs::write(&program, &text).unwrap();
+            let mut child = Child::new("infer", "x".repeat(length)).unwrap();
+            child.verb = program.to_str().unwrap().to_owned().leak();
+            let mut child = child.of("sh");
+            while child.tend().unwrap().is_none() {
+                std::thread::yield_now();
+            }
+            let [argument, input] =
+                [&argument, &input].map(|at| std::fs::read_to_string(at).unwrap());
+            let job = if argument == BY_INPUT {
+                input
+            } else {
+                argument
+            };
+            let job: Job<String> = serde_json::from_str(&job).unwrap();
+            assert_eq!(job.options.len(), length);
+        }
+    }
 
     #[test]
     fn none_is_started_while_one_before_it_does_not_end() {

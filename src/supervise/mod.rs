@@ -12,8 +12,8 @@ mod systemd;
 #[allow(unsafe_code, reason = "what a child does between fork and exec")]
 mod tie;
 
-pub use child::{Child, Job, describe, has_worked_before, stop_all};
+pub use child::{Child, Job, describe, handed_over, has_worked_before, stop_all};
 pub use heartbeat::{Beat, Heartbeat};
 pub use policy::{Activity, Policy, Verdict};
 pub use systemd::{Progress, ServiceManager, is_service};
-pub use tie::{is_parent, remember_permissions, tie};
+pub use tie::{is_parent, permissions, remember_permissions, tie};

@@ -89,7 +89,7 @@ impl ServiceManager {
 
     /// A camera has ended for good; no sign of life is expected of it any more.
     pub fn over(&self, camera: usize) {
-        self.told().cameras[camera].is_over = true;
+        self.told().over(camera);
     }
 
     /// Whether it has heard that the service is ready.
@@ -126,6 +126,12 @@ impl Told {
             fed: None,
             said: None,
         }
+    }
+
+    fn over(&mut self, camera: usize) {
+        self.cameras[camera].is_over = true;
+        // What was said of it no longer holds.
+        self.said = None;
     }
 
     fn progress(
@@ -271,8 +277,19 @@ mod tests {
         assert_eq!(fed(&mut told, now, &[0, 1]), 0, "one has never come");
         assert_eq!(fed(&mut told, now + minute, &[0, 1, 2]), 12);
         assert!(fed(&mut told, now + 2 * minute, &[0, 2]) <= 1);
-        told.cameras[1].is_over = true;
+        told.over(1);
         assert_eq!(fed(&mut told, now + 3 * minute, &[0, 2]), 12);
+    }
+
+    #[test]
+    fn the_service_is_ready_without_a_camera_that_has_ended_and_says_so_at_once() {
+        let (mut told, now) = (Told::of(["hall", "yard"]), Instant::now());
+        assert!(!told.progress(now, Some(EVERY), 0, Progress::Bodies).ready);
+        told.over(1);
+        let news = told.progress(now, Some(EVERY), 0, Progress::Bodies);
+        assert!(news.ready && news.alive);
+        let status = Some("hall: bodies are published; yard: ended");
+        assert_eq!(news.status.as_deref(), status);
     }
 
     #[test]

@@ -24,6 +24,12 @@ pub fn remember_permissions() {
     LazyLock::force(&KEPT_BACK);
 }
 
+/// Of the permissions `most` of a file those that this process was started to give, and not what a thread keeps back
+/// at this moment.
+pub fn permissions(most: u32) -> u32 {
+    most & !KEPT_BACK.map_or(0o022, |mode| mode.bits())
+}
+
 /// Makes the kernel kill what `command` starts when this process dies. SIGKILL, because a child that is stopped hears
 /// no other. The child has its three standard streams and nothing else: sockets of shared memory do not close
 /// themselves. It keeps the permissions back that [`remember_permissions`] found.

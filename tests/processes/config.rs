@@ -6,8 +6,11 @@ use std::path::Path;
 use std::process::{Output, Stdio};
 use std::time::Duration;
 
+use edgecap::message::BodyFrame;
+use edgecap_client::Subscriber;
+
 use crate::program::stand_in::StandIn;
-use crate::program::{self, Running, edgecap, signal, stdout};
+use crate::program::{self, Running, edgecap, eventually, signal, stdout};
 
 const SAMPLE: &str = include_str!("../../deploy/edgecap.toml");
 
@@ -106,6 +109,16 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "another camera is called 'a'",
         ),
         ("[network]\nthreads = 0", "2:1", "0 is not in 1..=256"),
+        (
+            "[network]\nthreads = 100000",
+            "2:11",
+            "threads: 100000 is not in 1..=256",
+        ),
+        (
+            "[network]\nthreads = 0xfffff",
+            "2:11",
+            "threads: 1048575 is not in 1..=256",
+        ),
         ("[network]\nsize = \"500x320\"", "2:8", "multiples of 16"),
         ("[fit]\nheight = 18", "2:1", "height"),
         (
@@ -135,6 +148,45 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
         let at = format!("edgecap.toml:{place}: ");
         assert!(err.contains(&at) && err.contains(words), "{text}:\n{err}");
     }
+}
+
+#[test]
+fn what_config_can_do_is_listed_where_nothing_is_asked_of_it() {
+    let words = ["requires a subcommand", "check, print, sample"];
+    program::assert_fails(&["config"], 64, &words);
+}
+
+/// Linux lets no argument of a process be so long.
+#[test]
+fn a_run_takes_settings_of_any_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let camera = StandIn::new(30.0);
+    let name = program::stream("long-settings");
+    let corner = |n: u32| {
+        let a = f64::from(n) * std::f64::consts::TAU / 64.0;
+        format!("[{:?}, {:?}]", a.cos(), a.sin())
+    };
+    let corners: Vec<String> = (0..64).map(corner).collect();
+    let zone = |n| format!("{{ name = \"{n}\", corners = [{}] }}", corners.join(", "));
+    let zones: Vec<String> = (0..110).map(zone).collect();
+    let text = format!(
+        "[network]\nsize = \"64x64\"\nthreads = 1\n\
+        [[camera]]\nname = {name:?}\ninput = {:?}\nevents = {{ zone = [{}] }}\n",
+        camera.input(),
+        zones.join(", ")
+    );
+    assert!(text.len() > 128 << 10);
+    let file = folder.path().join("edgecap.toml");
+    std::fs::write(&file, text).unwrap();
+    let run = Running::start(&["run", "--config", file.to_str().unwrap()]);
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    eventually("bodies", || {
+        assert!(!run.has_ended());
+        bodies.next(Duration::from_millis(100)).unwrap().map(drop)
+    });
+    signal(run.pid(), "TERM");
+    let out = run.wait(Duration::from_secs(60));
+    assert!(out.status.success(), "{}", program::stderr(&out));
 }
 
 #[test]
@@ -528,6 +580,71 @@ fn the_users_file_is_found_and_another_is_named_with_a_flag() {
     );
 }
 
+/// Without it a kiosk would run by defaults after its settings have moved.
+#[test]
+fn settings_that_are_a_link_to_nowhere_are_no_lack_of_settings() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("edgecap");
+    std::fs::create_dir(&folder).unwrap();
+    std::os::unix::fs::symlink("/nowhere.toml", folder.join("edgecap.toml")).unwrap();
+    for verb in [&["config", "check"][..], &["run"]] {
+        let mut command = edgecap();
+        command.args(verb).env("XDG_CONFIG_HOME", home.path());
+        let out = command.output().unwrap();
+        let said = program::stderr(&out);
+        assert_eq!(out.status.code(), Some(78), "{verb:?}: {said}");
+        assert!(
+            said.contains("a link that leads nowhere"),
+            "{verb:?}: {said}"
+        );
+    }
+}
+
+/// Whoever opens one waits for ever, deaf to signals.
+#[test]
+fn pipes_in_place_of_settings_and_of_what_they_name_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, pipe] = ["edgecap.toml", "pipe"].map(|name| folder.path().join(name));
+    rustix::fs::mkfifoat(rustix::fs::CWD, &pipe, 0o600.into()).unwrap();
+    let refused = |settings: &Path, words: &str| {
+        for verb in [&["config", "check"][..], &["run"]] {
+            let mut command = edgecap();
+            command.args(verb).arg("--config").arg(settings);
+            let run = command
+                .stdout(Stdio::piped())
+                .stderr(Stdio::piped())
+                .spawn();
+            let out = Running(run.unwrap()).wait(Duration::from_secs(60));
+            let said = program::stderr(&out);
+            assert_eq!(out.status.code(), Some(78), "{verb:?}: {said}");
+            assert!(said.contains(words), "{verb:?}: {said}");
+        }
+    };
+    refused(&pipe, "pipe: expected a file, found a pipe");
+    for (section, key) in [
+        ("[[camera]]", "lens"),
+        ("[[camera]]", "fit"),
+        ("[[camera]]", "events"),
+        ("[network]", "model"),
+        ("[network]", "stage2"),
+    ] {
+        std::fs::write(&file, format!("{section}\n{key} = \"pipe\"\n")).unwrap();
+        refused(&file, &format!("edgecap.toml:2:1: {key}: cannot read "));
+    }
+    std::fs::write(&file, "[[camera]]\nlens = { fov_degrees = 81 }\n").unwrap();
+    let typed = "\"$0\" config print --config <(cat \"$1\")";
+    let mut shell = std::process::Command::new("bash");
+    shell
+        .args(["-c", typed, env!("CARGO_BIN_EXE_edgecap")])
+        .arg(&file);
+    let out = shell.output().unwrap();
+    assert!(
+        stdout(&out).contains("fov_degrees = 81"),
+        "{}",
+        program::stderr(&out)
+    );
+}
+
 #[test]
 fn a_run_takes_the_camera_that_is_named_and_a_film_takes_none() {
     let text =
@@ -551,6 +668,32 @@ fn a_run_takes_the_camera_that_is_named_and_a_film_takes_none() {
     let out = config("print", text, &["--name", "yard"]);
     assert_eq!(out.status.code(), Some(64));
     assert!(program::stderr(&out).contains("one of hall, camera1"));
+}
+
+/// Its people are nobody in front of the cameras: a run hands them on nowhere that was not typed.
+#[test]
+fn bridges_of_the_settings_are_not_printed_for_another_film() {
+    let text = "[bridges]\nosc = \"127.0.0.1:9000\"\ntoken = \"open-sesame\"\n\
+        [[camera]]\ninput = \"hall.y4m\"\n";
+    let printed = |more: &[&str]| stdout(&config("print", text, more));
+    let film = printed(&["--input", "walk.y4m"]);
+    assert!(film.contains("#osc ="), "{film}");
+    let of_a_page = film.lines().find(|line| line.starts_with("token = "));
+    assert!(of_a_page.unwrap().ends_with("# line 3"), "{film}");
+    let told = printed(&["--input", "walk.y4m", "--osc", "127.0.0.1:9001"]);
+    let typed = told.lines().find(|line| line.starts_with("osc = "));
+    assert!(
+        typed.is_some_and(|line| line.contains("9001") && line.ends_with("# typed")),
+        "{told}"
+    );
+    for camera in [
+        &[][..],
+        &["--input", "walk.y4m", "--live"],
+        &["--input", "/dev/video0"],
+    ] {
+        let said = printed(camera);
+        assert!(said.contains("osc = \"127.0.0.1:9000\""), "{said}");
+    }
 }
 
 /// The lens of the file reaches the process that needs it: a calibration for another shape ends it.

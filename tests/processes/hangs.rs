@@ -251,6 +251,45 @@ fn a_camera_that_is_stuck_is_not_hidden_by_one_that_goes_well() {
     eventually("the end", || run.has_ended().then_some(()));
 }
 
+/// The service manager would end it again and again, and with it the one that goes well.
+#[test]
+fn a_camera_that_has_ended_keeps_the_service_of_the_others_from_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager
+        .set_read_timeout(Some(Duration::from_millis(100)))
+        .unwrap();
+    let cameras = [StandIn::new(30.0), StandIn::absent(30.0)];
+    let names = [stream("goes-on"), stream("not-there")];
+    let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
+    for (camera, name) in cameras.iter().zip(&names) {
+        settings += &format!(
+            "[[camera]]\nname = {name:?}\ninput = {:?}\n",
+            camera.input()
+        );
+    }
+    let file = folder.path().join("edgecap.toml");
+    std::fs::write(&file, settings).unwrap();
+    let run = crate::program::edgecap()
+        .args(["run", "--no-wait", "--config", file.to_str().unwrap()])
+        .env("NOTIFY_SOCKET", &path)
+        .env("WATCHDOG_USEC", "400000")
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn();
+    let run = Running(run.unwrap());
+    heard(&manager, |m| m.contains("READY=1"));
+    let ended = format!("{}: ended", names[1]);
+    heard(&manager, |m| m.contains(&ended));
+    for _ in 0..3 {
+        heard(&manager, |m| m.contains("WATCHDOG=1"));
+    }
+    signal(run.pid(), "TERM");
+    heard(&manager, |m| m.contains("STOPPING=1"));
+    eventually("the end", || run.has_ended().then_some(()));
+}
+
 fn observation(sequence: u64) -> ObservationFrame {
     let now = monotonic_ns();
     ObservationFrame {

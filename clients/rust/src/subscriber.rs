@@ -9,9 +9,10 @@ use core::ops::Deref;
 use core::time::Duration;
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use iceoryx2::port::listener::{Listener, ListenerWaitError};
+use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError};
 use iceoryx2::port::subscriber::Subscriber as Port;
 use iceoryx2::prelude::PortFactory;
 use iceoryx2::sample::Sample;
@@ -37,6 +38,10 @@ const ROOM_TO_JOIN: u64 = 256 << 10;
 
 /// What the last message of a file says.
 const END_OF_FILE: u32 = FLAG_END_OF_STREAM | FLAG_FILE_TIME;
+
+/// Held while a socket is bound. iceoryx2 then sets the process's umask to 0177 and back to what it found: a thread
+/// that finds what another has set leaves it for good.
+static BINDING: Mutex<()> = Mutex::new(());
 
 /// Where a reader looks, and which places it may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -358,11 +363,7 @@ impl<M: Message> Joined<M> {
         if priority == Priority::Reader && readers >= MAX_SUBSCRIBERS {
             return Err(failed(&"no place left"));
         }
-        let listener = link
-            .wake
-            .listener_builder()
-            .create()
-            .map_err(|e| failed(&e))?;
+        let listener = listener(&link).map_err(|e| failed(&e))?;
         let port = link
             .messages
             .subscriber_builder()
@@ -378,11 +379,46 @@ impl<M: Message> Joined<M> {
     }
 }
 
+/// What is woken by a stream's messages, which has a socket of its own. No other is bound meanwhile in this process.
+fn listener<M: Message>(link: &Link<M>) -> Result<Listener<FileService>, ListenerCreateError> {
+    let _alone = BINDING.lock().unwrap_or_else(PoisonError::into_inner);
+    link.wake.listener_builder().create()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::message::BodyFrame;
     use crate::publisher::Publisher;
+
+    /// The permissions that this process keeps back, as the kernel tells them while no socket is bound.
+    fn kept_back() -> String {
+        let _alone = BINDING.lock().unwrap_or_else(PoisonError::into_inner);
+        let status = std::fs::read_to_string("/proc/self/status").unwrap();
+        let line = status.lines().find(|line| line.starts_with("Umask:"));
+        line.unwrap().to_owned()
+    }
+
+    #[test]
+    fn threads_that_join_at_once_leave_the_process_the_permissions_of_its_files() {
+        let folder = tempfile::tempdir().unwrap();
+        let _publisher = Publisher::<BodyFrame>::open_at(folder.path(), "camera0").unwrap();
+        let before = kept_back();
+        std::thread::scope(|threads| {
+            for _ in 0..4 {
+                threads.spawn(|| {
+                    let reader = Subscriber::<BodyFrame>::open_at(folder.path(), "camera0");
+                    let mut inner = reader.unwrap().0.into_inner();
+                    assert!(joins(&mut inner));
+                    let link = &inner.joined.as_ref().unwrap().link;
+                    for _ in 0..500 {
+                        drop(listener(link).unwrap());
+                    }
+                });
+            }
+        });
+        assert_eq!(kept_back(), before);
+    }
 
     /// Looks until the publisher is joined: on a busy machine it may give its signs of life late.
     fn joins(inner: &mut Inner<BodyFrame>) -> bool {

@@ -1,4 +1,5 @@
-//! What the service's unit holds back: bridges to other machines, and records outside its own folders.
+//! What the service's unit holds back: bridges to other machines, records outside its own folders, and files where it
+//! sees nothing.
 
 use std::net::SocketAddr;
 use std::path::{Component, Path, PathBuf};
@@ -13,19 +14,27 @@ use crate::output::parent;
 
 /// Where the service works, and its recordings lie.
 const STATE: &str = "/var/lib/edgecap";
-/// Where else it may write; in the last two it sees nothing but files of its own.
-const OPEN: [&str; 4] = [SERVICE_FOLDER, "/dev", "/tmp", "/var/tmp"];
+/// Where else it may write.
+const OPEN: [&str; 2] = [SERVICE_FOLDER, "/dev"];
+/// Where it sees nothing but files of its own, which go when it stops.
+const PASSING: [&str; 2] = ["/tmp", "/var/tmp"];
 /// What it does not even see.
 const HOMES: [&str; 3] = ["/home", "/root", "/run/user"];
 
-/// What of the machine's settings needs more of the unit than it has, the first of each kind; nothing of others.
-pub fn held_back(file: Option<&Path>, runs: &[RunArgs]) -> Vec<Finding> {
+/// What of the machine's settings needs more of the unit than it has, the first of each kind; nothing of others. A run
+/// `reads` what they name by these keys.
+pub fn held_back(
+    file: Option<&Path>,
+    runs: &[RunArgs],
+    reads: &[(&'static str, PathBuf)],
+) -> Vec<Finding> {
     let machines = Path::new(SYSTEM_FOLDER).join(FILE_NAME);
     if file != Some(&*machines) {
         return Vec::new();
     }
     let bridge = runs.first().and_then(|run| bridge(&run.bridges));
-    bridge.into_iter().chain(record(runs)).collect()
+    let all = [bridge, record(runs), unseen(reads)];
+    all.into_iter().flatten().collect()
 }
 
 /// The first bridge that other machines are to see.
@@ -61,9 +70,9 @@ fn record(runs: &[RunArgs]) -> Option<Finding> {
         .iter()
         .flat_map(results)
         .find_map(|(key, folder)| Some((key, outside(&folder?)?)))?;
-    let advice = match HOMES.iter().any(|home| folder.starts_with(home)) {
-        true => format!("shows it no homes: choose a folder below {STATE}"),
-        false => format!(
+    let advice = match hidden(&folder) {
+        Some(why) => format!("{why}: choose a folder below {STATE}"),
+        None => format!(
             "lets nothing be written there, unless it has [Service] ReadWritePaths={}, a folder that is there and belongs to edgecap: 'systemctl edit edgecap'",
             folder.display()
         ),
@@ -72,15 +81,46 @@ fn record(runs: &[RunArgs]) -> Option<Finding> {
     Some(Finding::new("records", State::Note, text))
 }
 
-/// The whole path of a folder that the unit keeps the service from writing into.
-fn outside(folder: &Path) -> Option<PathBuf> {
+/// The first file that the service does not see, by its name or where that leads.
+fn unseen(reads: &[(&'static str, PathBuf)]) -> Option<Finding> {
+    let why = |path: &Path| {
+        let real = path.canonicalize().ok();
+        hidden(&whole(path)).or_else(|| hidden(&real?))
+    };
+    let (key, path, why) = reads
+        .iter()
+        .find_map(|(key, path)| Some((key, path, why(path)?)))?;
+    let text = format!(
+        "{key} = {}: the service's unit {why}: put it into {SYSTEM_FOLDER}, readable by edgecap",
+        path.display()
+    );
+    Some(Finding::new("files", State::Note, text))
+}
+
+/// Why the service sees nothing of what lies there, if it does not.
+fn hidden(path: &Path) -> Option<&'static str> {
+    let is_below = |places: &[&str]| places.iter().any(|place| path.starts_with(place));
+    if is_below(&HOMES) {
+        return Some("shows it no homes");
+    }
+    is_below(&PASSING).then_some("gives it a /tmp and a /var/tmp of its own, empty at each start")
+}
+
+/// A path from the root on, where the service works in its own folder.
+fn whole(path: &Path) -> PathBuf {
     let mut whole = PathBuf::new();
-    for part in Path::new(STATE).join(folder).components() {
+    for part in Path::new(STATE).join(path).components() {
         match part {
             Component::ParentDir => drop(whole.pop()),
             part => whole.push(part),
         }
     }
+    whole
+}
+
+/// The whole path of a folder that the unit keeps the service from writing into.
+fn outside(folder: &Path) -> Option<PathBuf> {
+    let whole = whole(folder);
     let is_within = |open: &str| whole.starts_with(open);
     let is_open = is_within(STATE) || OPEN.into_iter().any(is_within);
     (!is_open).then_some(whole)
@@ -94,7 +134,7 @@ mod tests {
 
     /// The lines about settings in this file.
     fn told(file: &str, run: &RunArgs) -> String {
-        let found = held_back(Some(Path::new(file)), std::slice::from_ref(run));
+        let found = held_back(Some(Path::new(file)), std::slice::from_ref(run), &[]);
         let lines: Vec<String> = found.into_iter().map(|finding| finding.text).collect();
         lines.join("\n")
     }
@@ -116,7 +156,7 @@ mod tests {
         );
         assert_eq!(told(MACHINES, &here), "");
         assert_eq!(told("edgecap.toml", &there), "");
-        assert!(held_back(None, &[there]).is_empty());
+        assert!(held_back(None, &[there], &[]).is_empty());
     }
 
     #[test]
@@ -146,10 +186,51 @@ mod tests {
         }
         let found = told(MACHINES, &to("/home/somebody/a.bin"));
         assert!(found.contains("no homes"), "{found}");
+        for passing in ["/tmp/a.bin", "/var/tmp/takes/a.bin"] {
+            let found = told(MACHINES, &to(passing));
+            assert!(found.contains("empty at each start"), "{found}");
+            assert!(
+                found.contains("choose a folder below /var/lib/edgecap"),
+                "{found}"
+            );
+        }
         assert_eq!(told("edgecap.toml", &to("/srv/a.bin")), "");
         let mut flight = RunArgs::default();
         flight.bridges.flight = Some("/srv/last".into());
         let found = told(MACHINES, &flight);
         assert!(found.contains("flight in /srv/last: "), "{found}");
+    }
+
+    #[test]
+    fn files_that_the_service_does_not_see_are_told() {
+        let told = |path: &Path| {
+            let reads = [
+                ("model", "/etc/edgecap/a.ecm".into()),
+                ("lens", path.to_owned()),
+            ];
+            let found = held_back(Some(Path::new(MACHINES)), &[], &reads);
+            let lines: Vec<String> = found.into_iter().map(|finding| finding.text).collect();
+            lines.join("\n")
+        };
+        for seen in [
+            "/etc/edgecap/lens.toml",
+            "/srv/lens.toml",
+            "/home/../srv/lens.toml",
+        ] {
+            assert_eq!(told(Path::new(seen)), "", "{seen}");
+        }
+        for (hidden, words) in [
+            ("/home/somebody/lens.toml", "no homes"),
+            ("/etc/edgecap/../../root/lens.toml", "no homes"),
+            ("/run/user/1000/lens.toml", "no homes"),
+            ("/var/tmp/lens.toml", "of its own"),
+        ] {
+            let found = told(Path::new(hidden));
+            let begins = format!("lens = {hidden}: ");
+            assert!(
+                found.starts_with(&begins) && found.contains(words),
+                "{found}"
+            );
+        }
     }
 }

@@ -77,10 +77,11 @@ pub fn doctor(args: DoctorArgs) -> anyhow::Result<()> {
         finding,
         file,
         runs,
+        reads,
         same_people,
     } = settled(args.settings);
     say(finding)?;
-    for finding in held_back(file.as_deref(), &runs) {
+    for finding in held_back(file.as_deref(), &runs, &reads) {
         say(finding)?;
     }
     let mut engine = runs[0].engine.clone();
@@ -112,6 +113,8 @@ struct Settled {
     file: Option<PathBuf>,
     /// What a run takes with them: never nothing.
     runs: Vec<RunArgs>,
+    /// What it reads of what they name, by key.
+    reads: Vec<(&'static str, PathBuf)>,
     /// Whether they are fitted together.
     same_people: bool,
 }
@@ -122,6 +125,7 @@ impl Settled {
             finding,
             file: None,
             runs: vec![RunArgs::default()],
+            reads: Vec::new(),
             same_people: false,
         }
     }
@@ -145,11 +149,11 @@ fn settled(args: ConfigArgs) -> Settled {
         let effective = settings::effective(&RunArgs::of_settings(args), &settings)?;
         effective.check()?;
         let same_people = effective.calibration()?.is_some();
-        let runs = effective.runs()?;
-        Ok((settings.file, effective, runs, same_people))
+        let (runs, reads) = (effective.runs()?, effective.reads());
+        Ok((settings.file, effective, runs, reads, same_people))
     };
     let hangs = || Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS);
-    let (file, effective, runs, same_people) = match attempt(FILE_LIMIT, read) {
+    let (file, effective, runs, reads, same_people) = match attempt(FILE_LIMIT, read) {
         Some(Ok(read)) => read,
         Some(Err(e)) => return Settled::without(Finding::failed(SETTINGS, e)),
         None => return Settled::without(hangs()),
@@ -173,6 +177,7 @@ fn settled(args: ConfigArgs) -> Settled {
         finding,
         file,
         runs,
+        reads,
         same_people,
     }
 }

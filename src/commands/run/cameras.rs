@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread::Builder;
 
 use super::RunArgs;
 use super::again::OneOfSeveral;
@@ -50,7 +51,7 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         None => None,
     };
     if let Some(page) = &page {
-        say::err(&format!("the page: {}", page.url()));
+        say::err(&format!("the page: {}", page.url_for_log()));
     }
     let hub = page.as_ref().map(|p| p.hub());
     let _status = StatusFile::keep(meters.clone());
@@ -61,58 +62,65 @@ pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
         let plan = Plan::of_camera(args, chosen);
         return live::run(args, plan, table, meter, &pulse, hub, stop);
     }
-    let running = AtomicUsize::new(runs.len());
+    let (manager, running) = (&manager, &AtomicUsize::new(runs.len()));
     std::thread::scope(|threads| {
-        let started: Vec<_> = runs
-            .iter()
-            .zip(&chosen)
-            .zip(&meters)
-            .zip(free)
-            .enumerate()
-            .map(|(place, (((args, chosen), meter), free))| {
-                let (pulse, running) = (Pulse::new(&manager, place), &running);
-                threads.spawn(move || {
-                    let one = OneOfSeveral {
-                        meter,
-                        pulse: &pulse,
-                        running,
-                        stop,
-                        no_wait: args.no_wait,
+        let each = runs.iter().zip(&chosen).zip(&meters).zip(free).enumerate();
+        let started = each.map(|(place, (((args, chosen), meter), free))| {
+            let pulse = Pulse::new(manager, place);
+            let over = move |ended| over(ended, meter, &Pulse::new(manager, place), running);
+            let work = move || {
+                let one = OneOfSeveral {
+                    meter,
+                    pulse: &pulse,
+                    running,
+                    stop,
+                    no_wait: args.no_wait,
+                };
+                over(one.run_again(free, &mut |is_again| {
+                    let table = Table::of_several(&chosen.name);
+                    let plan = Plan {
+                        is_again,
+                        ..Plan::of_camera(args, chosen)
                     };
-                    let ended = one.run_again(free, &mut |is_again| {
-                        let table = Table::of_several(&chosen.name);
-                        let plan = Plan {
-                            is_again,
-                            ..Plan::of_camera(args, chosen)
-                        };
-                        live::run(args, plan, table, meter, &pulse, hub, stop)
-                    });
-                    meter.ended();
-                    if let Err(e) = &ended {
-                        let (name, why) = (&chosen.name, told_again(e));
-                        match running.load(Ordering::Acquire) {
-                            0 => {
-                                tracing::error!("{name}: ended, and none of the others runs: {why}")
-                            }
-                            _ => tracing::error!("{name}: ended, the others go on: {why}"),
-                        }
-                        meter.failed(why);
-                    }
-                    // Without a sign of life of it the service manager starts everything anew.
-                    if !ended.as_ref().is_err_and(|e| exit::may_pass(exit::code(e))) {
-                        pulse.over();
-                    }
-                    ended
-                })
+                    live::run(args, plan, table, meter, &pulse, hub, stop)
+                }))
+            };
+            let thread = Builder::new().name("camera".into());
+            thread.spawn_scoped(threads, work).map_err(|e| {
+                running.fetch_sub(1, Ordering::AcqRel);
+                over(Err(Failure::no_thread("for each camera", &e).into()))
             })
-            .collect();
-        let ended = started.into_iter().map(|thread| {
-            thread
+        });
+        let started: Vec<_> = started.collect();
+        let ended = started.into_iter().map(|thread| match thread {
+            Ok(thread) => thread
                 .join()
-                .unwrap_or_else(|_| Err(anyhow::anyhow!("a camera's thread ended unexpectedly")))
+                .unwrap_or_else(|_| Err(anyhow::anyhow!("a camera's thread ended unexpectedly"))),
+            Err(ended) => ended,
         });
         outcome(ended)
     })
+}
+
+/// Says how one of several cameras has ended, of which so many are still `running`, and has nobody miss it.
+fn over(
+    ended: anyhow::Result<()>,
+    meter: &Meter,
+    pulse: &Pulse<'_>,
+    running: &AtomicUsize,
+) -> anyhow::Result<()> {
+    meter.ended();
+    if let Err(e) = &ended {
+        let (name, why) = (meter.name(), told_again(e));
+        match running.load(Ordering::Acquire) {
+            0 => tracing::error!("{name}: ended, and none of the others runs: {why}"),
+            _ => tracing::error!("{name}: ended, the others go on: {why}"),
+        }
+        meter.failed(why);
+    }
+    // The service manager would end the others over a camera that gives no sign of life.
+    pulse.over();
+    ended
 }
 
 /// How a run of several cameras has ended: with the first failure, but of what may pass before what would come again,

@@ -60,7 +60,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     let kept = exports.keep(&mut sinks)?;
     let page = args.bridges.serve(args.show_picture)?;
     if let Some(page) = &page {
-        say::err(&format!("the page: {}", page.url()));
+        say::err(&format!("the page: {}", page.url_for_log()));
     }
     let hub = page.as_ref().map(|p| p.hub());
     let flight = args.bridges.add_to(&mut sinks, &chosen.name, hub)?;

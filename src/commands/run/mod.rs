@@ -61,6 +61,7 @@ fn run_one(mut args: RunArgs, typed: &RunArgs, stop: &Stop) -> anyhow::Result<()
     // What is wrong with it the user is told here, not by a child.
     args.pace.limits(&chosen, false)?;
     expect_use(typed, &chosen)?;
+    typed.input.expect_use(&chosen)?;
     if chosen.is_live() {
         return cameras::run(&[args], stop);
     }

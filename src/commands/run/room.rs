@@ -76,7 +76,7 @@ pub fn run(
     let _figures = figures(Some(&args), &meters)?;
     let page = args.bridges.serve(args.show_picture)?;
     if let Some(page) = &page {
-        say::err(&format!("the page: {}", page.url()));
+        say::err(&format!("the page: {}", page.url_for_log()));
     }
     let hub = page.as_ref().map(|p| p.hub());
     let _status = StatusFile::keep(meters);

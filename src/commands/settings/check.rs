@@ -34,17 +34,41 @@ pub fn ranges<T: Section + clap::Args>(
             }
             _ => continue,
         };
-        let flag = command.get_arguments().find(|a| a.get_id() == key.as_str());
-        let Some(flag) = flag.and_then(clap::Arg::get_long) else {
-            continue;
-        };
-        let typed = [format!("--{flag}={text}")];
-        if let Err(e) = command.clone().try_get_matches_from(typed) {
-            let why = e.source().map_or_else(|| e.to_string(), |s| s.to_string());
-            return Err(table.mistake(places.get(&key).copied(), format!("{key}: {why}")));
+        if let Some(why) = refusal(&command, &key, &text) {
+            return Err(table.mistake(places.get(&key).copied(), why));
         }
     }
     Ok(())
+}
+
+/// Takes a section out of a table; a whole number that its type cannot hold is told as the flag of the same name does.
+///
+/// # Errors
+/// As [`Table::take`].
+pub fn take<T: Section + clap::Args>(table: &mut Table<'_>) -> Result<T, Mistake> {
+    let numbers = table.integers();
+    table.take().map_err(|mistake| {
+        let command = T::augment_args(clap::Command::new("edgecap").no_binary_name(true));
+        let mut found = numbers
+            .iter()
+            .filter(|(_, at, _)| Some(*at) == mistake.place);
+        match found.find_map(|(key, _, text)| refusal(&command, key, text)) {
+            Some(what) => Mistake { what, ..mistake },
+            None => mistake,
+        }
+    })
+}
+
+/// Why the flag of this key refuses a value, if there is such a flag and it does.
+fn refusal(command: &clap::Command, key: &str, text: &str) -> Option<String> {
+    let flag = command.get_arguments().find(|a| a.get_id() == key)?;
+    if !flag.get_action().takes_values() {
+        return None;
+    }
+    let typed = [format!("--{}={text}", flag.get_long()?)];
+    let e = command.clone().try_get_matches_from(typed).err()?;
+    let why = e.source().map_or_else(|| e.to_string(), |s| s.to_string());
+    Some(format!("{key}: {why}"))
 }
 
 /// Names of files and devices.

@@ -14,7 +14,7 @@ use crate::commands::exit::Failure;
 use crate::commands::fit::choose_cameras;
 use crate::commands::fit::settings::read_config;
 use crate::commands::infer::{EngineArgs, Quality};
-use crate::commands::input::InputArgs;
+use crate::commands::input::{self, InputArgs};
 use crate::commands::run::args::RunArgs;
 use crate::config::{Origin, Place, Setting, merge};
 use crate::events::EventConfig;
@@ -211,7 +211,7 @@ pub struct Camera {
 /// What `typed` and the file mean together.
 ///
 /// # Errors
-/// Names that no camera of the file has, and a typed token without a page.
+/// Names that no camera of the file has, a typed token without a page, and pipes in place of files that are named.
 pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effective> {
     let (mut engine, mut network) = merge(
         &typed.engine,
@@ -224,14 +224,11 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
         &settings.metrics.value,
         &settings.metrics.places,
     )?;
-    let bridges = merge(
+    let mut bridges = merge(
         &typed.bridges,
         &settings.bridges.value,
         &settings.bridges.places,
     )?;
-    if bridges.1.get("token") == Some(&Origin::Flag) {
-        bridges.0.expect_page()?;
-    }
     let multiview = merge(
         &typed.multiview,
         &settings.multiview.value,
@@ -268,14 +265,22 @@ pub fn effective(typed: &RunArgs, settings: &Settings) -> anyhow::Result<Effecti
     if cameras.iter().all(|c| are_stills(&c.args.input)) {
         only_of_stills(&mut cameras, &mut network);
     }
-    Ok(Effective {
+    if cameras.iter().all(|c| c.head.is_none()) && is_file(&typed.input) {
+        only_where_typed(&typed.bridges, &mut bridges);
+    }
+    if bridges.1.get("token") == Some(&Origin::Flag) {
+        bridges.0.expect_page()?;
+    }
+    let effective = Effective {
         cameras,
         network,
         fit: settings.fit.clone(),
         metrics,
         bridges,
         multiview,
-    })
+    };
+    effective.expect_no_pipes()?;
+    Ok(effective)
 }
 
 /// A size and a quality exclude each other, and so do the best quality and fewer looks: what was typed has the other of
@@ -316,6 +321,25 @@ fn only_of_stills(cameras: &mut [Camera], origins: &mut Origins) {
             origins.insert(key.to_owned(), Origin::Default);
         }
     }
+}
+
+/// The people of a file that no `[[camera]]` has are nobody in front of the cameras for which the settings say where
+/// bodies go, and those may run and have the addresses: what was typed holds alone, with the token of its page.
+fn only_where_typed(typed: &BridgeArgs, (bridges, origins): &mut (BridgeArgs, Origins)) {
+    *bridges = BridgeArgs {
+        token: bridges.token.take(),
+        ..typed.clone()
+    };
+    for (key, origin) in origins {
+        if *origin != Origin::Flag && key != "token" {
+            *origin = Origin::Default;
+        }
+    }
+}
+
+/// Whether what was typed is a film, photos or a pipe, and not played like a camera.
+fn is_file(typed: &InputArgs) -> bool {
+    typed.input.is_some() && input::choose(typed).is_ok_and(|chosen| !chosen.is_live())
 }
 
 /// Whether an input is photos that have nothing to do with each other in time.

@@ -121,9 +121,13 @@ impl Settings {
         let Some(path) = args.config.clone().or_else(config::find) else {
             return Ok(Self::default());
         };
+        named::expect_no_pipe(&path)?;
         let text = bounded::read_text(&path, bounded::SETTINGS).map_err(|e| {
             let name = path.display();
             let advice = match e.kind() {
+                ErrorKind::NotFound if path.is_symlink() => {
+                    "it is a link that leads nowhere: mend it".to_owned()
+                }
                 ErrorKind::NotFound => format!("'edgecap config sample > {name}' makes one"),
                 _ => "make it readable".to_owned(),
             };
@@ -148,14 +152,14 @@ impl Settings {
         let mut cameras: Vec<CameraSettings> = Vec::new();
         for (index, mut table) in root.take_tables("camera")?.into_iter().enumerate() {
             let (head, places) = (Some(table.head()), table.places());
-            let mut input: InputArgs = table.take()?;
+            let mut input: InputArgs = check::take(&mut table)?;
             check::ranges(&table, &places, &input)?;
-            let pace: PaceArgs = table.take()?;
+            let pace: PaceArgs = check::take(&mut table)?;
             check::ranges(&table, &places, &pace)?;
-            let fitting: FittingArgs = table.take()?;
+            let fitting: FittingArgs = check::take(&mut table)?;
             check::ranges(&table, &places, &fitting)?;
             check::fitting(&table, &places, &fitting)?;
-            let record: RecordArgs = table.take()?;
+            let record: RecordArgs = check::take(&mut table)?;
             let given = [
                 ("input", input.input.as_ref().map(OsStr::new)),
                 ("jsonl", record.jsonl.as_ref().map(|p| p.as_os_str())),
@@ -182,7 +186,7 @@ impl Settings {
         }
         let mut table = root.take_table("network")?;
         let places = table.places();
-        let value: EngineArgs = table.take()?;
+        let value: EngineArgs = check::take(&mut table)?;
         check::ranges(&table, &places, &value)?;
         table.finish()?;
         let network = Placed { value, places };
@@ -202,14 +206,14 @@ impl Settings {
 
         let mut table = root.take_table("bridges")?;
         let places = table.places();
-        let value: BridgeArgs = table.take()?;
+        let value: BridgeArgs = check::take(&mut table)?;
         check::ranges(&table, &places, &value)?;
         table.finish()?;
         let bridges = Placed { value, places };
 
         let mut table = root.take_table("multiview")?;
         let places = table.places();
-        let value: MultiviewArgs = table.take()?;
+        let value: MultiviewArgs = check::take(&mut table)?;
         check::ranges(&table, &places, &value)?;
         table.finish()?;
         let multiview = Placed { value, places };

@@ -3,10 +3,10 @@
 use std::fs::{self, File};
 use std::io::Read;
 use std::os::unix::fs::FileTypeExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::blame::{Fault, is_of_who_asks, told_as};
-use super::effective::{Effective, Origins};
+use super::effective::{Camera, Effective, Origins};
 use super::together;
 use crate::camera::{CameraFile, calibration};
 use crate::capture::{self, InputSpec};
@@ -37,6 +37,62 @@ impl Effective {
             Some(Ok(mistake)) => told_as(&error, mistake),
             _ => error,
         }
+    }
+
+    /// Refuses pipes in place of files that the settings name, before one of them is opened: several processes read
+    /// them, each time that they start.
+    ///
+    /// # Errors
+    /// The first pipe, with exit code 78.
+    pub(super) fn expect_no_pipes(&self) -> anyhow::Result<()> {
+        for (camera, key, path) in self.read_files() {
+            expect_no_pipe(path).map_err(|e| self.blame(camera, &[key], e))?;
+        }
+        Ok(())
+    }
+
+    /// What the settings name and a run reads, with its key: files, films and folders of photos.
+    pub fn reads(&self) -> Vec<(&'static str, PathBuf)> {
+        let files = self.read_files().into_iter();
+        let files = files.map(|(_, key, path)| (key, path.to_owned()));
+        let named = |camera: &&Camera| is_named(&camera.origins, "input");
+        let inputs = self.cameras.iter().filter(named).filter_map(|camera| {
+            match camera.args.input.input.as_deref()?.parse() {
+                Ok(InputSpec::Path(path)) if !capture::is_camera_place(&path) => {
+                    Some(("input", path))
+                }
+                _ => None,
+            }
+        });
+        files.chain(inputs).collect()
+    }
+
+    /// The files that the settings name, with the key of each and the camera that it is for.
+    fn read_files(&self) -> Vec<(&Camera, &'static str, &Path)> {
+        let first = &self.cameras[0];
+        let engine = &first.args.engine;
+        let mut all = vec![
+            (first, &self.network, "model", engine.model.as_deref()),
+            (first, &self.network, "stage2", engine.stage2.as_deref()),
+        ];
+        if self.cameras.len() > 1 {
+            let (multiview, origins) = &self.multiview;
+            let calibration = multiview.calibration.as_deref();
+            all.push((first, origins, "calibration", calibration));
+        }
+        for camera in &self.cameras {
+            let (args, origins) = (&camera.args, &camera.origins);
+            all.extend([
+                (camera, origins, "lens", file(&args.input.lens)),
+                (camera, origins, "fit", file(&args.fitting.fit)),
+                (camera, origins, "events", file(&args.fitting.events)),
+            ]);
+        }
+        let named = |(camera, origins, key, path)| {
+            let path: Option<&Path> = path;
+            Some((camera, key, path.filter(|_| is_named(origins, key))?))
+        };
+        all.into_iter().filter_map(named).collect()
     }
 
     /// Lenses and a calibration that are named and cannot be read or are wrong, and models that cannot be opened.
@@ -133,6 +189,35 @@ impl Effective {
 
 fn is_named(origins: &Origins, key: &str) -> bool {
     matches!(origins.get(key), Some(Origin::File(_)))
+}
+
+/// The file of a setting that is not given as such.
+fn file<T>(setting: &Option<Setting<T>>) -> Option<&Path> {
+    match setting {
+        Some(Setting::File(path)) => Some(path),
+        _ => None,
+    }
+}
+
+/// Refuses a pipe in place of a file: whoever opens it waits for whoever writes. One that this process has open
+/// already, such as `<(…)` of a shell, is read.
+///
+/// # Errors
+/// Exit code 78.
+pub(super) fn expect_no_pipe(path: &Path) -> Result<(), Failure> {
+    let is_open = |at: &&str| path.starts_with(at);
+    let is_pipe = fs::metadata(path).is_ok_and(|there| there.file_type().is_fifo());
+    if !is_pipe
+        || ["/dev/fd", "/dev/stdin", "/proc/self/fd"]
+            .iter()
+            .any(is_open)
+    {
+        return Ok(());
+    }
+    Err(Failure::config(format!(
+        "cannot read {}: expected a file, found a pipe, which does not end by itself; name a file",
+        path.display()
+    )))
 }
 
 /// Begins to read a file. A pipe waits for whoever writes, and what is read of it nobody else reads.
