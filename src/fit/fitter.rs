@@ -657,12 +657,8 @@ fn remember_looks(track: &mut Track, looks: &Appearance, alone: bool, dt: f64, r
     track.looked_at += dt;
     let share = match &track.appearance {
         None => 1.0,
-        // Of frames seen, not of looks: somebody whose looks come late is known by the first ones. Of somebody who came
-        // back what was seen before counts, too.
-        Some(_) if is_new && alone => {
-            let of_time = (dt / track.looked_at) as f32;
-            of_time.min(1.0 / (track.hits + 1) as f32)
-        }
+        // Of frames seen, not of looks: somebody whose looks come late is known by the first ones.
+        Some(_) if is_new && alone => 1.0 / (track.hits + 1) as f32,
         Some(_) if track.appearance_age > refresh && alone => 0.5,
         Some(_) => return,
     };

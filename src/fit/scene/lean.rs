@@ -32,7 +32,7 @@ const LEVEL: f64 = 3.0 * PI / 180.0;
 const PITCHED: f64 = 0.3;
 /// … the error of looks at one person for a second, and of looks for ever: nobody is in balance all the time.
 const SECOND: f64 = 5.0 * PI / 180.0;
-const FOR_EVER: f64 = 1.5 * PI / 180.0;
+const FOR_EVER: f64 = 2.5 * PI / 180.0;
 /// What the first look at anybody counts, seconds: later ones err like it for about so long.
 const FIRST: f64 = 1.0;
 /// More than so many such spreads is not Stage II's: the floor is wrong, or all these people lean.

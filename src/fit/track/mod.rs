@@ -291,7 +291,6 @@ impl Track {
         self.turn = old.turn;
         self.bones = old.bones;
         self.stature = old.stature;
-        self.looked_at += old.looked_at;
         self.appearance_age = 0.0;
         match (&mut self.appearance, old.appearance) {
             (Some(now), Some(before)) => now.blend(&before, 0.5),

@@ -111,26 +111,3 @@ fn looks_are_waited_for_only_where_they_may_tell() {
         assert_eq!(named, Some(unnamed), "{case:?}");
     }
 }
-
-#[test]
-fn a_visit_in_other_light_does_not_replace_what_is_known_of_somebody() {
-    // Of the torso in another hue: at first, when they come back, when they come back again.
-    let light = [(0.0, 20), (0.25, 20), (0.19, 0)];
-    let mut stage = Stage::new(vec![standing(3, 0.0, 4.0)]);
-    for (visit, (share, hue)) in light.into_iter().enumerate() {
-        let seconds = if visit == 0 { 6.0 } else { 1.0 };
-        let mut last = Vec::new();
-        for _ in 0..(seconds * FPS) as usize {
-            last = stage.frame(|_, seen| {
-                dress(seen, Some(10), 20);
-                seen.hue[10] -= share;
-                seen.hue[hue] += share;
-                true
-            });
-        }
-        assert_eq!(last, [Some(1)], "visit {visit}");
-        for _ in 0..(5.0 * FPS) as usize {
-            stage.frame(|_, _| false);
-        }
-    }
-}
