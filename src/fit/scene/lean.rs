@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn who_seems_to_lean_alike_is_set_upright() {
-        for (pitch, leans) in [(0.0, 6.0), (25.0, 12.0), (50.0, 15.0), (20.0, -10.0)] {
+        for (pitch, leans) in [(10.0, 5.0), (25.0, 12.0), (50.0, 15.0), (20.0, -10.0)] {
             let up = up(pitch);
             let mut people = upright(up, leans);
             let was = off(&people, up);
