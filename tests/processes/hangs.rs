@@ -10,6 +10,7 @@ use edgecap::camera::monotonic_ns;
 use edgecap::message::{BodyFrame, ObservationFrame};
 use edgecap_client::{Publisher, Subscriber};
 use std::process::Stdio;
+use tempfile::TempDir;
 
 fn some_body(bodies: &Subscriber<BodyFrame>) {
     eventually("bodies", || {
@@ -198,18 +199,20 @@ fn children_of(run: &Running, camera: &str) -> Vec<u32> {
     })
 }
 
-#[test]
-fn a_camera_that_is_stuck_is_not_hidden_by_one_that_goes_well() {
+/// A run of two cameras, and what hears of it in the service manager's place. The folder holds settings and socket.
+fn of_two_cameras(
+    cameras: &[StandIn; 2],
+    names: &[String; 2],
+    run: &[&str],
+) -> (UnixDatagram, Running, TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("notify");
     let manager = UnixDatagram::bind(&path).unwrap();
     manager
         .set_read_timeout(Some(Duration::from_millis(100)))
         .unwrap();
-    let cameras = [StandIn::new(30.0), StandIn::new(30.0)];
-    let names = [stream("well"), stream("stuck")];
     let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
-    for (camera, name) in cameras.iter().zip(&names) {
+    for (camera, name) in cameras.iter().zip(names) {
         settings += &format!(
             "[[camera]]\nname = {name:?}\ninput = {:?}\n",
             camera.input()
@@ -218,13 +221,21 @@ fn a_camera_that_is_stuck_is_not_hidden_by_one_that_goes_well() {
     let file = folder.path().join("edgecap.toml");
     std::fs::write(&file, settings).unwrap();
     let run = crate::program::edgecap()
-        .args(["run", "--config", file.to_str().unwrap()])
+        .args(run)
+        .args(["--config", file.to_str().unwrap()])
         .env("NOTIFY_SOCKET", &path)
         .env("WATCHDOG_USEC", "400000")
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn();
-    let run = Running(run.unwrap());
+    (manager, Running(run.unwrap()), folder)
+}
+
+#[test]
+fn a_camera_that_is_stuck_is_not_hidden_by_one_that_goes_well() {
+    let cameras = [StandIn::new(30.0), StandIn::new(30.0)];
+    let names = [stream("well"), stream("stuck")];
+    let (manager, run, _folder) = of_two_cameras(&cameras, &names, &["run"]);
     heard(&manager, |m| m.contains("READY=1"));
     heard(&manager, |m| m.contains("WATCHDOG=1"));
     for child in children_of(&run, &names[1]) {
@@ -254,31 +265,9 @@ fn a_camera_that_is_stuck_is_not_hidden_by_one_that_goes_well() {
 /// The service manager would end it again and again, and with it the one that goes well.
 #[test]
 fn a_camera_that_has_ended_keeps_the_service_of_the_others_from_nothing() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("notify");
-    let manager = UnixDatagram::bind(&path).unwrap();
-    manager
-        .set_read_timeout(Some(Duration::from_millis(100)))
-        .unwrap();
     let cameras = [StandIn::new(30.0), StandIn::absent(30.0)];
     let names = [stream("goes-on"), stream("not-there")];
-    let mut settings = "[network]\nsize = \"64x64\"\nthreads = 1\n".to_owned();
-    for (camera, name) in cameras.iter().zip(&names) {
-        settings += &format!(
-            "[[camera]]\nname = {name:?}\ninput = {:?}\n",
-            camera.input()
-        );
-    }
-    let file = folder.path().join("edgecap.toml");
-    std::fs::write(&file, settings).unwrap();
-    let run = crate::program::edgecap()
-        .args(["run", "--no-wait", "--config", file.to_str().unwrap()])
-        .env("NOTIFY_SOCKET", &path)
-        .env("WATCHDOG_USEC", "400000")
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn();
-    let run = Running(run.unwrap());
+    let (manager, run, _folder) = of_two_cameras(&cameras, &names, &["run", "--no-wait"]);
     heard(&manager, |m| m.contains("READY=1"));
     let ended = format!("{}: ended", names[1]);
     heard(&manager, |m| m.contains(&ended));
