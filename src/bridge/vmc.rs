@@ -173,16 +173,18 @@ fn clock(run: Duration) -> f32 {
 
 /// The bones of a body whose hips are so high, as messages.
 fn bones(frame: &BodyFrame, body: &Body, height: f64) -> impl Iterator<Item = OscMessage> {
-    let rest = TPose::new(Skeleton::builtin(), &body.bone_lengths.map(f64::from));
+    let skeleton = Skeleton::builtin();
+    let rest = TPose::new(skeleton, &body.bone_lengths.map(f64::from));
     let hips = DVec3::new(0.0, height, 0.0);
     let mut rotations = body.bone_rotations;
     if frame.world.is_known() {
         // On the floor, however the camera is tilted.
         rotations[0] = frame.world.orientation(body.orientation);
     }
+    let rotations = rotations.map(|q| DQuat::from_array(q.map(f64::from)));
+    let offsets = rest.offsets_in_message(skeleton, &rotations);
     (0..HUMANOID_BONE_COUNT).map(move |b| {
-        let place = if b == 0 { hips } else { rest.offsets[b] };
-        let turn = DQuat::from_array(rotations[b].map(f64::from));
+        let (place, turn) = (if b == 0 { hips } else { offsets[b] }, rotations[b]);
         pose("Bone/Pos", &unity_name(HUMANOID_BONES[b]), place, turn)
     })
 }

@@ -8,14 +8,14 @@ use std::io::{self, Write};
 use glam::{DQuat, DVec3, EulerRot};
 
 use super::motion::Motion;
-use crate::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
+use crate::body::skeleton::{RIG_BONES, RIG_NAMES};
 
 const CM: f64 = 100.0;
 /// Decimals: a thousandth of a millimetre, a millionth of a degree.
 const PLACES: usize = 6;
 
 /// Bytes of the numbers of a step.
-pub const ROW: usize = size_of::<[f64; 3 + 3 * HUMANOID_BONE_COUNT]>();
+pub const ROW: usize = size_of::<[f64; 3 + 3 * RIG_BONES]>();
 
 /// Writes the file's text step by step: the first pose is held for `held` of them before the motion.
 ///
@@ -32,7 +32,7 @@ pub fn write(motion: &Motion, held: usize, out: &mut impl Write) -> io::Result<(
         1.0 / motion.rate
     );
     out.write_all(text.as_bytes())?;
-    let mut before = [DVec3::ZERO; HUMANOID_BONE_COUNT];
+    let mut before = [DVec3::ZERO; RIG_BONES];
     let first = motion.moments.iter().take(1).cycle().take(held);
     for moment in first.chain(&motion.moments) {
         let p = moment.position * CM;
@@ -70,14 +70,14 @@ fn joint(motion: &Motion, bone: usize, depth: usize, order: &mut Vec<usize>, out
         0 => ("ROOT", "6 Xposition Yposition Zposition"),
         _ => ("JOINT", "3"),
     };
-    let _ = writeln!(out, "{indent}{kind} {}\n{indent}{{", HUMANOID_BONES[bone]);
+    let _ = writeln!(out, "{indent}{kind} {}\n{indent}{{", RIG_NAMES[bone]);
     offset(motion.rest.offsets[bone], depth + 1, out);
     let _ = writeln!(
         out,
         "{indent}\tCHANNELS {channels} Zrotation Xrotation Yrotation"
     );
     let parents = motion.rest.parents;
-    let carried = (0..HUMANOID_BONE_COUNT).filter(|&b| parents[b] == Some(bone));
+    let carried = (0..RIG_BONES).filter(|&b| parents[b] == Some(bone));
     let mut ends_here = true;
     for child in carried {
         ends_here = false;
@@ -109,7 +109,7 @@ mod tests {
 
     fn knee(side: &str) -> usize {
         let name = format!("{side}LowerLeg");
-        HUMANOID_BONES.iter().position(|b| *b == name).unwrap()
+        RIG_NAMES.iter().position(|b| *b == name).unwrap()
     }
 
     fn rotation(degrees: [f64; 3]) -> DQuat {
@@ -121,7 +121,7 @@ mod tests {
     fn written(knees: &[[[f64; 3]; 2]]) -> Vec<[[f64; 3]; 2]> {
         let lengths = *Skeleton::builtin().lengths();
         let moments = knees.iter().map(|&[left, right]| {
-            let mut rotations = [DQuat::IDENTITY; HUMANOID_BONE_COUNT];
+            let mut rotations = [DQuat::IDENTITY; RIG_BONES];
             rotations[knee("left")] = rotation(left);
             rotations[knee("right")] = rotation(right);
             Moment {
@@ -149,7 +149,7 @@ mod tests {
             .filter(|w| ["ROOT", "JOINT"].contains(&w[0]));
         let joints: Vec<&str> = joints.map(|w| w[1]).collect();
         let columns = ["left", "right"].map(|side| {
-            let name = HUMANOID_BONES[knee(side)];
+            let name = RIG_NAMES[knee(side)];
             3 + 3 * joints.iter().position(|joint| *joint == name).unwrap()
         });
         let rows = rows.lines().skip(1).map(|row| {

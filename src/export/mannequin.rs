@@ -3,8 +3,7 @@
 
 use glam::DVec3;
 
-use crate::body::skeleton::TPose;
-use crate::message::HUMANOID_BONE_COUNT;
+use crate::body::skeleton::{RIG_BONES, TPose};
 
 /// Corners of a ring.
 const CORNERS: usize = 10;
@@ -27,6 +26,12 @@ pub struct Mannequin {
 /// A ring of a tube: where along the bone, half its size sidewards and to the front for a person of 1.70 m.
 type Ring = (f64, f64, f64);
 
+const SHOULDER: [Ring; 4] = [
+    (0.15, 0.045, 0.040),
+    (0.4, 0.052, 0.050),
+    (0.9, 0.050, 0.048),
+    (1.05, 0.020, 0.020),
+];
 const LIMB: [Ring; 5] = [
     (-0.06, 0.020, 0.020),
     (0.0, 0.045, 0.045),
@@ -93,9 +98,10 @@ impl Mannequin {
                 1 => (rest.ends[1], &TRUNK),
                 2 => (rest.ends[2], &NECK),
                 3 => (rest.ends[3], &HEAD),
-                6 | 9 => (rest.ends[bone], &HAND),
-                10 | 13 => (rest.ends[bone], &THIGH),
-                12 | 15 => (rest.ends[bone], &FOOT),
+                4 | 8 => (rest.ends[bone], &SHOULDER),
+                7 | 11 => (rest.ends[bone], &HAND),
+                12 | 15 => (rest.ends[bone], &THIGH),
+                14 | 17 => (rest.ends[bone], &FOOT),
                 _ => (rest.ends[bone], &LIMB),
             };
             let parent = rest.parents[bone].unwrap_or(bone);
@@ -174,9 +180,9 @@ impl Mannequin {
 }
 
 /// Where every bone starts at rest, hips at the origin.
-pub fn starts(rest: &TPose) -> [DVec3; HUMANOID_BONE_COUNT] {
-    let mut at = [DVec3::ZERO; HUMANOID_BONE_COUNT];
-    for bone in 0..HUMANOID_BONE_COUNT {
+pub fn starts(rest: &TPose) -> [DVec3; RIG_BONES] {
+    let mut at = [DVec3::ZERO; RIG_BONES];
+    for bone in 0..RIG_BONES {
         if let Some(parent) = rest.parents[bone] {
             at[bone] = at[parent] + rest.offsets[bone];
         }

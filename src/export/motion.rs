@@ -6,9 +6,9 @@ use super::bvh;
 use super::error::ExportError;
 use super::size;
 use super::take::{Sample, Take};
-use crate::body::skeleton::{BoneLengths, Skeleton, TPose};
+use crate::body::skeleton::{BoneLengths, RIG_BONES, Skeleton, TPose, rig_rotations};
 use crate::joints::{BODY_JOINTS, PELVIS};
-use crate::message::{Body, HUMANOID_BONE_COUNT};
+use crate::message::Body;
 
 /// Seconds for which whoever is in two frames that follow each other is taken to be there in between: bodies are held
 /// for as long while no picture comes.
@@ -25,7 +25,7 @@ pub struct Moment {
     /// Where the hips are, metres.
     pub position: DVec3,
     /// Local rotations from the T-pose; of the hips in the axes of the export.
-    pub rotations: [DQuat; HUMANOID_BONE_COUNT],
+    pub rotations: [DQuat; RIG_BONES],
     /// Joints as they were published, metres.
     pub joints: [DVec3; BODY_JOINTS],
     /// Whether there is a sample within a step and a half, or no frame between the samples before and after.
@@ -203,7 +203,7 @@ impl Axes {
         let joints = body.joints3d.map(|j| self.point(j));
         Moment {
             position: joints[PELVIS],
-            rotations,
+            rotations: rig_rotations(Skeleton::builtin(), &rotations),
             joints,
             is_there: true,
         }

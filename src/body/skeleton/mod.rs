@@ -1,11 +1,12 @@
 //! In: `models/skeleton.toml` and a [`Pose`]. Out: joint positions and the axes of every degree of freedom, from which
 //! the exact derivative of any joint follows. docs/body.md, The skeleton.
 
+mod girdle;
 mod humanoid;
 mod limb;
 mod pose;
 
-pub use humanoid::{TPose, bone_rotations};
+pub use humanoid::{RIG_BONES, RIG_NAMES, TPose, bone_rotations, rig_rotations};
 pub use limb::{LIMBS, Limb};
 pub use pose::{Pose, Posed, rotation_vector, rotation_vector_near};
 
@@ -14,6 +15,7 @@ use std::sync::OnceLock;
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
 
+use self::girdle::Girdle;
 use crate::body::{BodyModel, Elimination};
 use crate::joints::{BODY_JOINTS, DOF, JOINT_NAMES, PARENTS, PELVIS, ROOT_FIRST};
 
@@ -55,6 +57,8 @@ pub struct Skeleton {
     lengths: BoneLengths,
     /// Range of the angles that turn the bone ending in each joint.
     own: [(usize, usize); BODY_JOINTS],
+    /// How a raised arm lifts the bone ending in each joint.
+    girdles: [Option<Girdle>; BODY_JOINTS],
     /// Angles that move each joint, root first.
     chains: [Vec<usize>; BODY_JOINTS],
     elimination: Elimination,
@@ -81,6 +85,7 @@ struct File {
     stature: f64,
     bone: Vec<FileBone>,
     dof: Vec<FileDof>,
+    girdle: Vec<FileGirdle>,
 }
 
 #[derive(Deserialize)]
@@ -98,6 +103,15 @@ struct FileDof {
     bone: String,
     axis: [f64; 3],
     limits: [f64; 2],
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FileGirdle {
+    bone: String,
+    axis: [f64; 3],
+    angles: [String; 2],
+    degrees: f64,
 }
 
 impl Skeleton {
@@ -171,10 +185,39 @@ impl Skeleton {
                 limits: dof.limits.map(f64::to_radians),
             });
         }
+        let mut girdles = [None; BODY_JOINTS];
+        for girdle in file.girdle {
+            let lifted = index(&girdle.bone)?;
+            let named = |name: &String| {
+                let k = angles.iter().position(|a: &JointAngle| a.name == *name);
+                k.filter(|&k| PARENTS[angles[k].bone] == lifted)
+            };
+            let axis = DVec3::from_array(girdle.axis).normalize_or_zero();
+            let [Some(first), Some(second)] = [0, 1].map(|n| named(&girdle.angles[n])) else {
+                return Err(SkeletonError::Layout(format!(
+                    "a girdle of {:?} with angles of other bones than the one that starts there",
+                    girdle.bone
+                )));
+            };
+            if axis == DVec3::ZERO || !girdle.degrees.is_finite() {
+                return Err(SkeletonError::Layout(format!(
+                    "a girdle of {:?} with a bad axis or number of degrees",
+                    girdle.bone
+                )));
+            }
+            girdles[lifted] = Some(Girdle {
+                axis,
+                reach: girdle.degrees.to_radians(),
+                angles: [first, second],
+            });
+        }
         let mut chains: [Vec<usize>; BODY_JOINTS] = Default::default();
         for j in ROOT_FIRST.into_iter().filter(|&j| j != PELVIS) {
+            let lifting = girdles[j].map_or([].into(), |g| g.angles.to_vec());
             let mut chain = chains[PARENTS[j]].clone();
-            chain.extend(own[j].0..own[j].1);
+            chain.extend((own[j].0..own[j].1).chain(lifting));
+            chain.sort_unstable();
+            chain.dedup();
             chains[j] = chain;
         }
         let together: Vec<Vec<usize>> = chains
@@ -187,6 +230,7 @@ impl Skeleton {
             directions,
             lengths,
             own,
+            girdles,
             chains,
             elimination,
         })
@@ -253,8 +297,12 @@ impl Skeleton {
                 let v = angle.axis * sin;
                 frame *= DQuat::from_xyzw(v.x, v.y, v.z, cos);
             }
+            let mut bone = frame * (self.directions[j] * lengths[j]);
+            if let Some(girdle) = &self.girdles[j] {
+                bone = girdle.lift(frame, bone, &pose.angles, &mut out.carried);
+            }
             out.frames[j] = frame;
-            out.joints[j] = origin + frame * (self.directions[j] * lengths[j]);
+            out.joints[j] = origin + bone;
         }
     }
 }
@@ -293,7 +341,7 @@ impl BodyModel for Skeleton {
             column(3 + a, axis.cross(arm));
         }
         for &k in &self.chains[joint] {
-            column(6 + k, posed.axes[k].cross(at - posed.origins[k]));
+            column(6 + k, posed.derivative(k, at));
         }
     }
 
@@ -409,9 +457,7 @@ mod tests {
                     let analytic = match d {
                         0..3 => unit,
                         3..6 => unit.cross(at.joints[j] - pose.position),
-                        _ if s.chain(j).contains(&(d - 6)) => {
-                            at.axes[d - 6].cross(at.joints[j] - at.origins[d - 6])
-                        }
+                        _ if s.chain(j).contains(&(d - 6)) => at.derivative(d - 6, at.joints[j]),
                         _ => DVec3::ZERO,
                     };
                     assert!((numeric - analytic).length() < 1e-7, "dof {d} joint {j}");

@@ -100,6 +100,16 @@ pub struct Posed {
     pub axes: [DVec3; ANGLES],
     /// Point about which every joint angle turns.
     pub origins: [DVec3; ANGLES],
+    /// How every joint angle moves the point about which it turns, metres per radian, camera axes: those of a raised arm
+    /// lift the shoulder.
+    pub carried: [DVec3; ANGLES],
+}
+
+impl Posed {
+    /// The derivative by joint angle `k` of a point `at` beyond it (camera axes), metres per radian.
+    pub fn derivative(&self, k: usize, at: DVec3) -> DVec3 {
+        self.axes[k].cross(at - self.origins[k]) + self.carried[k]
+    }
 }
 
 impl Default for Posed {
@@ -109,6 +119,7 @@ impl Default for Posed {
             frames: [DQuat::IDENTITY; BODY_JOINTS],
             axes: [DVec3::ZERO; ANGLES],
             origins: [DVec3::ZERO; ANGLES],
+            carried: [DVec3::ZERO; ANGLES],
         }
     }
 }

@@ -14,7 +14,7 @@ use super::error::ExportError;
 use super::mannequin::{Mannequin, starts};
 use super::motion::Motion;
 use super::take::Take;
-use crate::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
+use crate::body::skeleton::{RIG_BONES, RIG_NAMES};
 
 /// The file of a take's people as mannequins.
 ///
@@ -37,7 +37,7 @@ pub fn encode(take: &Take) -> Result<Vec<u8>, ExportError> {
 /// `start`: the record's time that is the file's 0, seconds; `leaves`: whether frames follow their last one.
 fn mannequin(motion: &Motion, height: f64, start: f64, leaves: bool) -> Figure {
     let rest = &motion.rest;
-    let bones = HUMANOID_BONES.into_iter().zip(starts(rest)).enumerate();
+    let bones = RIG_NAMES.into_iter().zip(starts(rest)).enumerate();
     let bones = bones.map(|(bone, (name, start))| Bone {
         name,
         parent: rest.parents[bone],
@@ -61,7 +61,7 @@ fn mannequin(motion: &Motion, height: f64, start: f64, leaves: bool) -> Figure {
         },
         times: (0..moments.len()).map(time).collect(),
         places: moments.iter().map(|m| m.position.as_vec3()).collect(),
-        turns: (0..HUMANOID_BONE_COUNT)
+        turns: (0..RIG_BONES)
             .map(|bone| moments.iter().map(|m| m.rotations[bone]).collect())
             .collect(),
         presence: presence(there, leaves.then(|| time(moments.len()))),

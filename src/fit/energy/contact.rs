@@ -168,7 +168,7 @@ pub fn joint_velocity(
     let mut v = DVec3::from_slice(&velocity[..3]);
     v += DVec3::from_slice(&velocity[3..6]).cross(posed.joints[joint] - posed.joints[PELVIS]);
     for &k in skeleton.chain(joint) {
-        v += velocity[6 + k] * posed.axes[k].cross(posed.joints[joint] - posed.origins[k]);
+        v += velocity[6 + k] * posed.derivative(k, posed.joints[joint]);
     }
     v
 }

@@ -71,8 +71,8 @@ impl Bones {
         let look = (dt / CORRELATED).min(1.0);
         self.seen += look;
         for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
-            let direction = posed.frames[j] * skeleton.directions()[j];
-            let length = (points[j] - points[PARENTS[j]]).dot(direction);
+            let fitted = posed.joints[j] - posed.joints[PARENTS[j]];
+            let length = (points[j] - points[PARENTS[j]]).dot(fitted.normalize_or_zero());
             let expected = self.mean[j];
             if (length - expected).abs() > OUTLIER * expected + 0.05 {
                 continue;

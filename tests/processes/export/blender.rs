@@ -6,7 +6,7 @@ use std::process::Command;
 
 use glam::DVec3;
 
-use super::{FRAMES, export, joint_of, near, record, record_of, truth};
+use super::{FRAMES, RIG_BONES, export, joint_of, near, record, record_of, truth};
 use crate::program::tools;
 use edgecap::record::Format;
 
@@ -80,7 +80,7 @@ fn long_blender_has_every_joint_within_a_millimetre() {
 fn near_bones(places: Places, frame: usize) {
     let bones = places.into_iter();
     let bones: Places = bones.filter(|(name, _)| !name.ends_with(" end")).collect();
-    assert_eq!(bones.len(), 16, "{bones:?}");
+    assert_eq!(bones.len(), RIG_BONES, "{bones:?}");
     let truth = truth(3, frame);
     for (name, place) in bones {
         let off = (place - truth[joint_of(&name)]).length();

@@ -9,7 +9,7 @@ use std::io::Cursor;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use edgecap::body::skeleton::{Pose, Posed, Skeleton, bone_rotations, rotation_vector};
+use edgecap::body::skeleton::{Pose, Posed, RIG_BONES, Skeleton, bone_rotations, rotation_vector};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::message::{Body, BodyFrame, BodyState, Intrinsics, JointState, World, WorldState};
 use edgecap::record::{BodiesRow, Format, RecordWriter};
@@ -132,7 +132,8 @@ fn joint_of(name: &str) -> usize {
     let joint = match name {
         "hips" => "pelvis",
         "spine" => "spine",
-        "neck" => "neck",
+        // Shoulders begin where the neck does.
+        "neck" | "rightShoulder" | "leftShoulder" => "neck",
         "head" => "head",
         "head end" => "head_top",
         "rightUpperArm" => "r_shoulder",
@@ -261,7 +262,7 @@ fn glb_is_valid_and_its_animation_puts_the_joints_where_they_are() {
     assert_eq!((gltf.skins().count(), gltf.meshes().count()), (2, 2));
     for (step, frame) in [(0, 0), (17, 17), (59, 59)] {
         let (places, time) = glb_places(&gltf.document, blob, 3, step);
-        assert_eq!(places.len(), 16);
+        assert_eq!(places.len(), RIG_BONES);
         let truth = truth(3, frame);
         for (name, place) in &places {
             let off = (*place - truth[joint_of(name)]).length();
@@ -291,7 +292,7 @@ fn glb_is_valid_and_its_animation_puts_the_joints_where_they_are() {
                 .unwrap()
                 .into_u16()
                 .flatten()
-                .all(|j| j < 16)
+                .all(|j| usize::from(j) < RIG_BONES)
         );
     }
 }

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use glam::{DQuat, DVec3};
 
-use super::{FRAMES, export, joint_of, record, truth};
+use super::{FRAMES, RIG_BONES, export, joint_of, record, truth};
 use crate::program::tools;
 use edgecap::body::BodyModel;
 use edgecap::body::mesh::{MeshBody, MeshPose, NAMES, PosedTree, Skin};
@@ -121,7 +121,7 @@ fn long_three_js_has_every_joint_within_a_millimetre() {
         let skin: Vec<_> = nodes
             .extract_if(.., |name, _| name.starts_with("mannequin"))
             .collect();
-        assert_eq!(nodes.len(), 16, "{nodes:?}");
+        assert_eq!(nodes.len(), RIG_BONES, "{nodes:?}");
         for (name, place) in &nodes {
             let off = (DVec3::from_array(*place) - truth[joint_of(name)]).length();
             assert!(off < 1e-3, "{name} in frame {frame}: {off} m off");
