@@ -152,7 +152,7 @@ impl Default for TermsConfig {
             reprojection: 1.0,
             temporal: 1.0,
             contact: 1.0,
-            sigma3d: 0.06,
+            sigma3d: 0.045,
             sigma2d: 0.042,
         }
     }

@@ -12,7 +12,7 @@ use crate::fit::energy::PoseSolver;
 use crate::fit::evidence::Evidence;
 use crate::fit::identity::Appearance;
 use crate::fit::identity::{
-    confirmation, confirmed, dissimilarity, looks_may_tell, reidentification,
+    Look, confirmation, confirmed, dissimilarity, looks_may_tell, overlap, reidentification,
 };
 use crate::fit::publish::Header;
 use crate::fit::publish::write_body;
@@ -37,14 +37,12 @@ const MAX_REMEMBERED: usize = 64;
 const NEWCOMER: f64 = 0.5;
 /// Seconds that a newcomer without looks waits for them, while they may tell that it is somebody who was here.
 const WAIT_FOR_LOOKS: f64 = 2.0;
-/// Seconds for which somebody is looked at before their looks are known.
-const LEARNS: f64 = 2.0;
 /// How far a floor of the settings may be off, radians: who measures it is wrong by some degrees.
 const GIVEN_ERROR: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Seconds between looks at standing feet.
 const FEET_EVERY: f64 = 0.3;
 
-/// Counters of a fitter's life, for status displays.
+/// Counters of a fitter's life.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct FitCounters {
     /// Frames taken in.
@@ -635,32 +633,29 @@ fn remove_all<T>(items: &mut Vec<T>, mut indices: Vec<usize>) {
     }
 }
 
-/// Whether the boxes of two people overlap by more than a tenth of the smaller.
-fn overlap(a: &Evidence, b: &Evidence) -> bool {
-    let ((al, ah), (bl, bh)) = (a.bounds(), b.bounds());
-    let common = (ah.min(bh) - al.max(bl)).max(glam::DVec2::ZERO);
-    let area = |l: glam::DVec2, h: glam::DVec2| ((h - l).x * (h - l).y).max(1e-12);
-    common.x * common.y > 0.1 * area(al, ah).min(area(bl, bh))
-}
-
 /// Whether nobody else stands before a person, or behind.
 fn is_alone(seen: &[PersonEvidence], person: usize) -> bool {
     let (evidence, _) = &seen[person];
     let mut others = seen.iter().enumerate().filter(|(i, _)| *i != person);
-    !others.any(|(_, (other, _))| overlap(evidence, other))
+    !others.any(|(_, (other, _))| overlap(evidence.bounds(), other.bounds()))
 }
 
 /// Learns the looks of new people, seen `dt` seconds after the last, and refreshes those of others now and then, while
 /// nobody stands before them.
 fn remember_looks(track: &mut Track, looks: &Appearance, alone: bool, dt: f64, refresh: f64) {
-    let is_new = track.looked_at < LEARNS;
+    let look = Look {
+        hits: track.hits,
+        looked_at: track.looked_at,
+        age: track.appearance_age,
+        alone,
+    };
     track.looked_at += dt;
     let share = match &track.appearance {
-        None => 1.0,
-        // Of frames seen, not of looks: somebody whose looks come late is known by the first ones.
-        Some(_) if is_new && alone => 1.0 / (track.hits + 1) as f32,
-        Some(_) if track.appearance_age > refresh && alone => 0.5,
-        Some(_) => return,
+        None => Some(1.0),
+        Some(_) => look.share(refresh),
+    };
+    let Some(share) = share else {
+        return;
     };
     track.appearance.get_or_insert(*looks).blend(looks, share);
     track.appearance_age = 0.0;

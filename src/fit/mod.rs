@@ -21,6 +21,8 @@ pub use publish::confidence;
 
 // The parts of the energy, and of who is who, that do not ask how many cameras there are.
 pub(crate) use energy::{Motion, MotionModel, Quadratic, constrain, robust_cost, robust_weight};
-pub(crate) use identity::{Appearance, VETO, by_former_place, by_looks_or_place, confirmed};
+pub(crate) use identity::{
+    Appearance, Bounds, Look, VETO, by_former_place, by_looks_or_place, confirmed, overlap,
+};
 pub(crate) use publish::flat_angles;
 pub(crate) use track::{SEEN_THROUGH, WEIGHTS_3D, best_branch, first_pose};

@@ -71,7 +71,7 @@ impl PosedTree {
         &self.turn
     }
 
-    /// Edgecap's joints, in the order of the messages; zeros where the body does not know them ([`MeshBody::reports`]).
+    /// Edgecap's joints, in the order of the messages.
     pub fn reported(&self) -> &[DVec3; REPORTED] {
         &self.reported
     }
@@ -108,17 +108,15 @@ impl MeshBody {
                 *joint += *beta * DVec3::from(*step);
             }
         }
-        let mut reported = [DVec3::ZERO; REPORTED];
-        if let Some(own) = &self.reported {
-            reported = own.rest.map(DVec3::from);
-            for (beta, moves) in betas.iter().zip(&own.components) {
-                for (joint, step) in reported.iter_mut().zip(moves) {
-                    *joint += *beta * DVec3::from(*step);
-                }
+        let own = &self.reported;
+        let mut reported = own.rest.map(DVec3::from);
+        for (beta, moves) in betas.iter().zip(&own.components) {
+            for (joint, step) in reported.iter_mut().zip(moves) {
+                *joint += *beta * DVec3::from(*step);
             }
-            for (joint, &carrier) in reported.iter_mut().zip(&own.carrier) {
-                *joint -= joints[carrier];
-            }
+        }
+        for (joint, &carrier) in reported.iter_mut().zip(&own.carrier) {
+            *joint -= joints[carrier];
         }
         Person {
             betas: betas.to_vec(),
@@ -142,9 +140,7 @@ impl MeshBody {
 
     /// The same of one of edgecap's joints.
     pub fn reported_by_shape(&self, posed: &PosedTree, joint: usize, component: usize) -> DVec3 {
-        let Some(own) = &self.reported else {
-            return DVec3::ZERO;
-        };
+        let own = &self.reported;
         let carrier = own.carrier[joint];
         let against = DVec3::from(own.components[component][joint])
             - DVec3::from(self.joint_components[component][carrier]);
@@ -159,10 +155,7 @@ impl MeshBody {
         joint: usize,
         mut column: impl FnMut(usize, DVec3),
     ) {
-        let Some(own) = &self.reported else {
-            return;
-        };
-        let carrier = own.carrier[joint];
+        let carrier = self.reported.carrier[joint];
         derivatives(posed, carrier, posed.reported[joint], true, &mut column);
     }
 }
@@ -240,10 +233,8 @@ impl BodyModel for MeshBody {
             out.place[joint] = out.place[parent]
                 + out.turn[parent] * (person.joints[joint] - person.joints[parent]);
         }
-        if let Some(own) = &self.reported {
-            for (k, &carrier) in own.carrier.iter().enumerate() {
-                out.reported[k] = out.place[carrier] + out.turn[carrier] * person.reported[k];
-            }
+        for (k, &carrier) in self.reported.carrier.iter().enumerate() {
+            out.reported[k] = out.place[carrier] + out.turn[carrier] * person.reported[k];
         }
     }
 

@@ -74,7 +74,7 @@ pub struct MeshBody {
     /// Where the joints of the mean body are, and how every component moves them.
     joints: [[f64; 3]; JOINTS],
     joint_components: Vec<[[f64; 3]; JOINTS]>,
-    reported: Option<Reported>,
+    reported: Reported,
     elimination: Elimination,
 }
 
@@ -116,11 +116,6 @@ impl MeshBody {
     /// Which joints move a vertex, and how much: 1 in all.
     pub fn influences(&self, vertex: usize) -> &[(u8, f32)] {
         self.weights.of(vertex)
-    }
-
-    /// Whether the body knows where edgecap's joints are: this project's own does, files of others do not.
-    pub fn reports(&self) -> bool {
-        self.reported.is_some()
     }
 }
 

@@ -15,6 +15,9 @@ const SUM_TOLERANCE: f64 = 0.02;
 /// Metres: a body's vertices lie within this of its origin.
 const REACH: f64 = 10.0;
 
+/// Edgecap's joint that SMPL's tree has not.
+const HEAD_TOP: usize = 0;
+
 /// Rows of a regressor: vertex and weight.
 type Rows = Vec<Vec<(usize, f64)>>;
 
@@ -77,14 +80,15 @@ impl MeshBody {
             .iter()
             .map(|c| fixed(&at_rest(&regressor, c)))
             .collect();
-        let reported = reported.map(|rows| Reported {
+        let rows = reported.unwrap_or_else(|| untold(&regressor, &template, &weights));
+        let reported = Reported {
             carrier: super::kinematics::CARRIERS,
             rest: fixed(&at_rest(&rows, &template)),
             components: components
                 .iter()
                 .map(|c| fixed(&at_rest(&rows, c)))
                 .collect(),
-        });
+        };
         let chains: Vec<Vec<usize>> = (0..JOINTS).map(super::kinematics::moved_by).collect();
         let elimination =
             Elimination::from_the_last(super::FREEDOM, chains.iter().map(Vec::as_slice));
@@ -250,6 +254,23 @@ impl<R: Read + Seek> File<R> {
             .map(|array| dense_rows(name, &array, REPORTED, count))
             .transpose()
     }
+}
+
+/// Edgecap's joints of a body that does not tell them: the tree's that carry them, which lie at the same places, and
+/// for the head's top the highest vertex that the head carries.
+fn untold(regressor: &Rows, template: &[[f32; 3]], weights: &Weights) -> Rows {
+    let carriers = super::kinematics::CARRIERS;
+    let mut rows: Rows = carriers.iter().map(|&j| regressor[j].clone()).collect();
+    let is_head = |v: &usize| {
+        let mut moved = weights.of(*v).iter();
+        moved.any(|&(joint, w)| usize::from(joint) == carriers[HEAD_TOP] && w > 0.5)
+    };
+    let head = (0..template.len()).filter(is_head);
+    let height = |v: &usize| template[*v][1];
+    if let Some(crown) = head.max_by(|a, b| height(a).total_cmp(&height(b))) {
+        rows[HEAD_TOP] = vec![(crown, 1.0)];
+    }
+    rows
 }
 
 /// Rows of a matrix of [`JOINTS`] rows, compressed by rows (SciPy's CSR) or by columns (CSC), as many `starts` as there

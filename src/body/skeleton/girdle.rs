@@ -1,5 +1,5 @@
-//! In: the angles of an arm. Out: where the shoulder girdle holds it, and how that changes with them. It needs no degree
-//! of freedom of its own: a raised arm takes its shoulder along (scapulohumeral rhythm).
+//! In: the angles of an arm. Out: where the shoulder girdle holds it, and how that changes with them. It needs no
+//! degree of freedom of its own: a raised arm takes its shoulder along (scapulohumeral rhythm).
 
 use glam::{DQuat, DVec3};
 
@@ -24,8 +24,8 @@ impl Girdle {
         self.reach * (1.0 - hanging)
     }
 
-    /// The `bone` (metres, camera axes; `frame` has its rotation) turned as the arm's `angles` tell, and in `carried` by
-    /// how much each of these moves its end, metres per radian.
+    /// The `bone` (metres, camera axes; `frame` has its rotation) turned as the arm's `angles` tell, and in `carried`
+    /// by how much each of these moves its end, metres per radian.
     pub fn lift(
         &self,
         frame: DQuat,

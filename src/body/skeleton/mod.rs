@@ -199,9 +199,10 @@ impl Skeleton {
                     girdle.bone
                 )));
             };
-            if axis == DVec3::ZERO || !girdle.degrees.is_finite() {
+            let is_new = first != second && girdles[lifted].is_none();
+            if axis == DVec3::ZERO || !girdle.degrees.is_finite() || !is_new {
                 return Err(SkeletonError::Layout(format!(
-                    "a girdle of {:?} with a bad axis or number of degrees",
+                    "a girdle of {:?} with a bad axis, degrees or angles, or a second one",
                     girdle.bone
                 )));
             }
@@ -496,6 +497,26 @@ mod tests {
                 "limits = [-70.0, 70.0]",
                 "limits = [70.0, -70.0]",
                 "neck_yaw",
+            ),
+            (
+                "angles = [\"r_shoulder_flexion\"",
+                "angles = [\"l_shoulder_flexion\"",
+                "girdle of \"r_shoulder\" with angles of other bones",
+            ),
+            (
+                "angles = [\"r_shoulder_flexion\"",
+                "angles = [\"r_shoulder_abduction\"",
+                "girdle of \"r_shoulder\" with a bad",
+            ),
+            (
+                "bone = \"l_shoulder\"\naxis = [0.0, 0.0, 1.0]\nangles = [\"l_shoulder_flexion\", \"l_shoulder_abduction\"]",
+                "bone = \"r_shoulder\"\naxis = [0.0, 0.0, 1.0]\nangles = [\"r_shoulder_flexion\", \"r_shoulder_abduction\"]",
+                "or a second one",
+            ),
+            (
+                "degrees = 7.0",
+                "degrees = nan",
+                "girdle of \"r_shoulder\" with a bad",
             ),
         ] {
             let error = Skeleton::parse(&good.replacen(from, to, 1))

@@ -100,8 +100,8 @@ pub struct Posed {
     pub axes: [DVec3; ANGLES],
     /// Point about which every joint angle turns.
     pub origins: [DVec3; ANGLES],
-    /// How every joint angle moves the point about which it turns, metres per radian, camera axes: those of a raised arm
-    /// lift the shoulder.
+    /// How every joint angle moves the point about which it turns, metres per radian, camera axes: those of a raised
+    /// arm lift the shoulder.
     pub carried: [DVec3; ANGLES],
 }
 

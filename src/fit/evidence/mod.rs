@@ -36,6 +36,9 @@ pub struct Evidence {
     pub points3d: [DVec3; BODY_JOINTS],
     /// Whether `points3d` describes a person.
     pub known3d: bool,
+    /// Which of `points3d` tell something: not those of limbs whose sides are exchanged in space or in the picture
+    /// alone.
+    pub tells3d: [bool; BODY_JOINTS],
     /// Pelvis in camera space at canonical stature, from both; `None` where they do not determine it.
     pub root: Option<DVec3>,
     /// Detection score, 0–1.
@@ -50,6 +53,7 @@ impl Evidence {
             confidence: [0.0; EVIDENCE_JOINTS],
             points3d: [DVec3::ZERO; BODY_JOINTS],
             known3d: true,
+            tells3d: [true; BODY_JOINTS],
             root: None,
             score: if seen.score.is_finite() {
                 f64::from(seen.score.clamp(0.0, 1.0))

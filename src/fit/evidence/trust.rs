@@ -98,6 +98,7 @@ mod tests {
             confidence: [0.8; EVIDENCE_JOINTS],
             points3d: [DVec3::ZERO; crate::joints::BODY_JOINTS],
             known3d: true,
+            tells3d: [true; crate::joints::BODY_JOINTS],
             root: Some(DVec3::new(0.0, 0.0, 3.0)),
             score: 0.8,
         }

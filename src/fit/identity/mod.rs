@@ -3,6 +3,7 @@
 mod appearance;
 mod confirmation;
 mod dissimilarity;
+mod looks;
 
 pub use appearance::Appearance;
 pub use confirmation::confirmed;
@@ -10,3 +11,4 @@ pub use dissimilarity::{
     VETO, by_former_place, by_looks_or_place, confirmation, dissimilarity, looks_may_tell,
     reidentification,
 };
+pub use looks::{Bounds, Look, overlap};

