@@ -12,6 +12,7 @@ mod error;
 mod exif;
 mod ffmpeg;
 mod frame;
+mod jfif;
 mod jpeg;
 mod letterbox;
 mod limits;

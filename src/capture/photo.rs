@@ -82,6 +82,11 @@ impl PhotoSource {
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
+
+    /// How the newest photo was turned to be upright.
+    pub fn orientation(&self) -> Orientation {
+        self.decoder.orientation()
+    }
 }
 
 impl Source for PhotoSource {
@@ -150,6 +155,7 @@ fn read_file(path: &Path, bytes: &mut Vec<u8>) -> Result<(), CaptureError> {
 pub struct PhotoDecoder {
     jpeg: JpegPicture,
     pixels: Vec<u8>,
+    orientation: Orientation,
 }
 
 impl PhotoDecoder {
@@ -176,7 +182,13 @@ impl PhotoDecoder {
             ));
         };
         orientation.apply(frame);
+        self.orientation = orientation;
         Ok(())
+    }
+
+    /// How the photo that was decoded last was turned.
+    pub fn orientation(&self) -> Orientation {
+        self.orientation
     }
 
     fn decode_png(&mut self, bytes: &[u8], frame: &mut Frame) -> Result<Orientation, String> {

@@ -5,9 +5,10 @@ use std::io::{BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::album::{MOTION_JPEG, ends_in, head, other_kind};
-use super::avi::{AviReader, is_avi, jfif_shape};
+use super::avi::{AviReader, is_avi};
 use super::error::{CaptureError, name_of};
 use super::ffmpeg::{Ffmpeg, FfmpegSource};
+use super::jfif::jfif_shape;
 use super::mjpeg::MjpegReader;
 use super::photo::{PhotoSource, is_jpeg, is_png};
 use super::source::Source;

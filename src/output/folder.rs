@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 use super::mount::realm;
-use super::{MadeFolders, PREFIX, SUFFIX, kept, parent, unnamed};
+use super::unfinished::{builder, unnamed};
+use super::{MadeFolders, kept, parent};
 
 /// A folder being filled; it takes its name only on [`finish`](Self::finish) and leaves nothing when dropped before.
 #[derive(Debug)]
@@ -41,9 +42,7 @@ impl AtomicFolder {
     /// # Errors
     /// If that folder cannot be written.
     pub fn create_in(folder: &Path, path: &Path) -> io::Result<Self> {
-        let beside = tempfile::Builder::new()
-            .prefix(PREFIX)
-            .suffix(SUFFIX)
+        let beside = builder()
             .permissions(fs::Permissions::from_mode(0o777))
             .tempdir_in(folder)
             .map_err(unnamed)?;

@@ -86,7 +86,8 @@ mod tests {
     use std::io::Write;
     use std::time::UNIX_EPOCH;
 
-    use super::super::{AtomicFile, PREFIX, SUFFIX, sweep, write, write_passing};
+    use super::super::unfinished::builder;
+    use super::super::{AtomicFile, sweep, write, write_passing};
     use super::*;
 
     /// The error with which a file ended, where a folder came into its place meanwhile. The folder is gone by then.
@@ -124,12 +125,7 @@ mod tests {
     fn a_result_under_its_temporary_name_is_not_swept() {
         let folder = tempfile::tempdir().unwrap();
         let temporary = || {
-            let mut file = tempfile::Builder::new();
-            let file = file
-                .prefix(PREFIX)
-                .suffix(SUFFIX)
-                .tempfile_in(folder.path());
-            let file = file.unwrap();
+            let file = builder().tempfile_in(folder.path()).unwrap();
             file.as_file().set_modified(UNIX_EPOCH).unwrap();
             file
         };

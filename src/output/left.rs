@@ -52,9 +52,9 @@ fn remove_if_left(path: &Path) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{BufWriter, Write};
+    use std::io::Write;
 
-    use super::super::{AtomicFile, Place};
+    use super::super::AtomicFile;
     use super::*;
 
     #[test]
@@ -80,10 +80,8 @@ mod tests {
         fs::create_dir(&results).unwrap();
         let mut writing = AtomicFile::create(&folder.path().join("file")).unwrap();
         writing.write_all(b"whole").unwrap();
-        if let Some(Place::Beside(file)) = writing.writer.as_ref().map(BufWriter::get_ref) {
-            let long_ago = std::time::UNIX_EPOCH;
-            file.as_file().set_modified(long_ago).unwrap();
-        }
+        let beside = writing.beside().unwrap().as_file();
+        beside.set_modified(std::time::UNIX_EPOCH).unwrap();
         sweep(&folder.path().join("result"));
         assert!(!left.exists());
         for (path, _) in &kept {

@@ -3,10 +3,11 @@
 use std::io;
 use std::path::Path;
 
-use tempfile::{Builder, NamedTempFile};
+use tempfile::NamedTempFile;
 
 use super::link::behind_links;
-use super::{PREFIX, SUFFIX, nearest_folder, unnamed};
+use super::parent::nearest_folder;
+use super::unfinished::{builder, unnamed};
 
 /// A file in the folder where `path` will be, or in the first around it that is there: where there is room for the
 /// result, there is room for what it is made of. In the system's folder for temporary files where it cannot be there.
@@ -15,8 +16,7 @@ use super::{PREFIX, SUFFIX, nearest_folder, unnamed};
 /// # Errors
 /// If it can be nowhere.
 pub fn private_beside(path: &Path) -> io::Result<NamedTempFile> {
-    let mut file = Builder::new();
-    file.prefix(PREFIX).suffix(SUFFIX);
+    let file = builder();
     let target = behind_links(path).unwrap_or_else(|_| path.to_owned());
     let made = file.tempfile_in(nearest_folder(&target));
     let made = made.or_else(|_| file.tempfile()).map_err(unnamed)?;

@@ -6,7 +6,8 @@ use std::path::Path;
 
 use super::link::{behind_links, descriptor};
 use super::mount::expect_replaceable;
-use super::{nearest_folder, unnamed};
+use super::parent::nearest_folder;
+use super::unfinished::unnamed;
 
 /// Begins a file where `path`, or the first of its folders that is missing, would be made, and leaves nothing.
 ///

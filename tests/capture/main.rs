@@ -2,8 +2,14 @@
 
 mod avi;
 mod camera;
-mod film;
+mod ffmpeg;
 mod photo;
 mod resize;
+#[path = "../program/script.rs"]
+mod script;
+mod spec;
+mod stored;
 #[path = "../program/tools.rs"]
 mod tools;
+mod y4m;
+mod yuv;

@@ -4,13 +4,14 @@
 pub mod browser;
 pub mod looking;
 pub mod place;
+mod script;
 pub mod stand_in;
 pub mod tools;
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Output, Stdio};
@@ -19,6 +20,9 @@ use std::time::{Duration, Instant};
 
 use rustix::fs::OFlags;
 use rustix::process::{Pid, Signal, kill_process};
+
+#[allow(unused_imports, reason = "every test file uses its own part")]
+pub use script::script;
 
 /// The built program.
 pub fn edgecap() -> Command {
@@ -307,21 +311,6 @@ pub fn ends_when_asked(pid: u32) {
         let caught = u64::from_str_radix(caught.trim(), 16).ok()?;
         (caught & TERM != 0).then_some(())
     });
-}
-
-/// Writes a script that can be run. By a child: what this process has open for writing while a neighbour forks cannot
-/// be run for as long as the fork has it open, too.
-pub fn script(path: &Path, text: &str) {
-    let mut write = Command::new("sh")
-        .args(["-c", "cat > \"$0\" && chmod 755 \"$0\""])
-        .arg(path)
-        .stdin(Stdio::piped())
-        .spawn()
-        .expect("sh runs");
-    let mut to = write.stdin.take().expect("piped");
-    to.write_all(text.as_bytes()).expect("sh reads");
-    drop(to);
-    assert!(write.wait().expect("its end").success());
 }
 
 /// The end of a named pipe to write to, once somebody reads from it; to open it would wait for ever for one who never

@@ -16,6 +16,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
 import edgecap  # noqa: E402
 
 SLOTS = 17
+END_OF_FILE = edgecap.FLAG_END_OF_STREAM | edgecap.FLAG_FILE_TIME
 
 
 class Writer:
