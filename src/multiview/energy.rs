@@ -162,9 +162,8 @@ impl LeastSquares for Energy<'_> {
     }
 
     fn cost(&self, at: &Fitted) -> f64 {
-        let joints = (0..self.counts())
-            .filter_map(|j| Some(self.joint(j, points::point(self.body, &at.posed, j)?).0));
-        let mut cost: f64 = joints.sum();
+        let joints = at.posed.reported()[..self.counts()].iter().enumerate();
+        let mut cost: f64 = joints.map(|(j, point)| self.joint(j, *point).0).sum();
         cost += self.rims.iter().map(|r| r.cost(self.body, at)).sum::<f64>();
         if self.free != Free::Root {
             cost += self.pose_prior() * PosePrior::shipped().cost(&at.pose.rotations);
@@ -181,10 +180,7 @@ impl LeastSquares for Energy<'_> {
         let size = self.free.size(self.body);
         let mut columns: Vec<(usize, DVec3)> = Vec::with_capacity(size);
         for j in 0..self.counts() {
-            let Some(point) = points::point(self.body, &at.posed, j) else {
-                continue;
-            };
-            let (cost, pull, matrix) = self.joint(j, point);
+            let (cost, pull, matrix) = self.joint(j, at.posed.reported()[j]);
             if cost == 0.0 {
                 continue;
             }

@@ -112,9 +112,17 @@ pub fn fit_tracks(
         hierarchy: options.hierarchy,
         run,
     };
-    let fitted = tracks.into_iter().filter_map(|t| over_frames.fit(t));
-    let mut people: Vec<PersonFit> = fitted.collect();
-    weights = weigh(body, views, &weights, &people);
+    let mut people = over_frames.fit(tracks);
+    let weighed = weigh(views, &weights, &people);
+    if weighed != weights {
+        // Stage two holds the shape: it has to be of views that count so already.
+        let anew = OverFrames {
+            weights: &weighed,
+            ..over_frames
+        };
+        people.iter_mut().for_each(|person| anew.again(person));
+        weights = weighed;
+    }
     let bridged = (BRIDGED * options.rate).round() as usize;
     for person in &mut people {
         let told = person.frames.iter().filter(|f| f.moment.tells_size());
@@ -182,7 +190,7 @@ fn pieces(
                 let gap = f.frame - last.frame;
                 for k in 1..gap {
                     let filled = between(body, &last.body, &f.body, k as f64 / gap as f64);
-                    let joints = points::evidence(body, &filled.posed).map(Some);
+                    let joints = points::evidence(&filled.posed).map(Some);
                     let moment = Moment {
                         sights: vec![None; views],
                         joints,
@@ -206,12 +214,12 @@ fn pieces(
 
 /// Views that lie much further from the bodies than the others count less. From the bodies, not from where rays meet:
 /// a wrong view draws that to itself. Frames that one view alone saw tell nothing of how views agree.
-fn weigh(body: &MeshBody, views: &[View], weights: &[f64], people: &[PersonFit]) -> Vec<f64> {
+fn weigh(views: &[View], weights: &[f64], people: &[PersonFit]) -> Vec<f64> {
     let joints: Vec<_> = people
         .iter()
         .flat_map(|p| &p.frames)
         .filter(|f| f.moment.tells_size())
-        .map(|f| (&f.moment, points::evidence(body, &f.body.posed)))
+        .map(|f| (&f.moment, points::evidence(&f.body.posed)))
         .collect();
     let median = |v: usize| -> Option<f64> {
         let mut each: Vec<f64> = joints

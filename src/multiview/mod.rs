@@ -42,7 +42,7 @@ pub use fit::{MultiviewFit, MultiviewOptions, PersonFit, PersonFrame, fit, fit_t
 pub use fitted::Fitted;
 pub use kept::{Kept, Nothing};
 pub use lens::to_view;
-pub use moment::Moment;
+pub use moment::{Lifted, Moment};
 pub use one_view::{one_view, stage_three};
 pub use people::{Detections, Track, matched, track};
 pub use points::{all as body_joints, evidence as evidence_joints};

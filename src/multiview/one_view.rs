@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::moment::Moment;
+use super::moment::{Lifted, Moment};
 use super::people::{Detections, Track, nearest_sight};
 use crate::camera::View;
 use crate::fit::Fitter;
@@ -64,7 +64,10 @@ pub fn one_view(view: &View, bodies: &[Vec<Body>], seen: &[Detections]) -> Vec<T
                 sights: vec![nearest_sight(view, seen, &joints)],
                 joints: joints.map(Some),
                 healed: 0,
-                lifted: Some(lifted),
+                lifted: Some(Lifted {
+                    joints: lifted,
+                    confidence: body.confidence,
+                }),
                 contours: Vec::new(),
             };
             match tracks.iter_mut().find(|t| t.id == body.id) {

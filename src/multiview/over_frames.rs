@@ -1,5 +1,5 @@
 //! Stage one of one person: every frame for itself, again from its neighbours where it ended in a bad place, then with
-//! outlines. What is done is kept block by block.
+//! outlines, and again where views turn out to count less. What is done is kept block by block.
 
 use rayon::prelude::*;
 
@@ -9,7 +9,7 @@ use super::kept::Placed;
 use super::moment::Moment;
 use super::people::Track;
 use super::points;
-use super::refine::contours;
+use super::refine::{Extent, Person, contours};
 use super::run::{Run, Step};
 use super::silhouette::Masks;
 use super::stage_one::StageOne;
@@ -22,6 +22,31 @@ const DOUBT: f64 = 1.5;
 const BLOCK: usize = 256;
 
 type Frames = [(usize, Moment)];
+
+/// One person's frames in stage one.
+pub struct InFrames {
+    id: u32,
+    /// Rising.
+    moments: Vec<(usize, Moment)>,
+    fits: Vec<Placed>,
+    /// By frame and view where joints have placed the body, whatever outlines make of it; empty where there is none.
+    extents: Vec<Vec<Extent>>,
+}
+
+impl InFrames {
+    /// The person in a frame, where they have a body there.
+    fn at(&self, frame: usize) -> Option<Person<'_>> {
+        let k = self
+            .moments
+            .binary_search_by_key(&frame, |(f, _)| *f)
+            .ok()?;
+        let extents = &self.extents[k];
+        (!extents.is_empty()).then_some(Person {
+            moment: &self.moments[k].1,
+            extents,
+        })
+    }
+}
 
 /// Stage one of one person.
 pub struct OverFrames<'a> {
@@ -38,11 +63,28 @@ pub struct OverFrames<'a> {
 }
 
 impl OverFrames<'_> {
-    /// Fits all frames; `None` where none could be.
-    pub fn fit(&self, track: Track) -> Option<PersonFit> {
+    /// Fits all frames of everybody; who has no frame that could be fitted is left out.
+    pub fn fit(&self, tracks: Vec<Track>) -> Vec<PersonFit> {
+        let mut people: Vec<InFrames> = tracks.into_iter().map(|t| self.place(t)).collect();
+        if let Some(masks) = self.run.masks {
+            // Whose an outline is depends on where the others are.
+            for k in 0..people.len() {
+                let (before, rest) = people.split_at_mut(k);
+                if let [own, after @ ..] = rest {
+                    let others: Vec<&InFrames> = before.iter().chain(after.iter()).collect();
+                    self.outline(masks, own, &others);
+                }
+            }
+        }
+        let each = people.into_iter().filter_map(|p| self.placed(p));
+        each.collect()
+    }
+
+    /// By joints.
+    fn place(&self, track: Track) -> InFrames {
         let (id, mut moments) = (track.id, track.moments);
         let part = format!("placed-{id}");
-        let mut fits = match self.restore(&part, &mut moments) {
+        let fits = match self.restore(&part, &mut moments) {
             Some(fits) => {
                 (self.run.progress)(Step::Restored(moments.len()));
                 fits
@@ -59,19 +101,31 @@ impl OverFrames<'_> {
         // is not kept.
         for ((_, moment), placed) in moments.iter_mut().zip(&fits) {
             if let Some((fitted, _)) = placed {
-                moment.place_by(self.body, fitted);
+                moment.place_by(fitted);
             }
         }
-        if let Some(masks) = self.run.masks {
-            self.outline(id, masks, &mut moments, &mut fits);
+        let extents = fits.iter().map(|placed| {
+            let fitted = placed.iter().map(|(fitted, _)| fitted);
+            let each = fitted.flat_map(|f| self.views.iter().map(|view| Extent::new(f, view)));
+            each.collect()
+        });
+        InFrames {
+            id,
+            extents: extents.collect(),
+            moments,
+            fits,
         }
-        let frames: Vec<PersonFrame> = moments
-            .into_iter()
-            .zip(fits)
+    }
+
+    /// The frames that have a body; `None` where none has.
+    fn placed(&self, person: InFrames) -> Option<PersonFit> {
+        let id = person.id;
+        let each = person.moments.into_iter().zip(person.fits);
+        let frames: Vec<PersonFrame> = each
             .filter_map(|((frame, mut moment), fitted)| {
                 let (fitted, _) = fitted?;
                 // The body tells where joints are that no two views saw.
-                let joints = points::evidence(self.body, &fitted.posed);
+                let joints = points::evidence(&fitted.posed);
                 for (known, joint) in moment.joints.iter_mut().zip(joints) {
                     *known = known.or(Some(joint));
                 }
@@ -158,23 +212,64 @@ impl OverFrames<'_> {
         }
     }
 
+    /// Fits frames again that tell a shape, from the bodies that they have, where views count otherwise than they did.
+    pub fn again(&self, person: &mut PersonFit) {
+        let id = person.id;
+        for (block, frames) in person.frames.chunks_mut(BLOCK).enumerate() {
+            let part = format!("weighed-{id}-{block}");
+            let mut moments: Vec<&mut Moment> = frames.iter_mut().map(|f| &mut f.moment).collect();
+            if let Some(restored) = self.run.restore(&part, self.body, &mut moments) {
+                for (f, restored) in frames.iter_mut().zip(restored) {
+                    if let Some((fitted, _)) = restored {
+                        f.body = fitted;
+                    }
+                }
+                continue;
+            }
+            let telling = frames.par_iter_mut().filter(|f| f.moment.tells_size());
+            telling.for_each_init(
+                || self.stage(),
+                |stage, f| {
+                    stage.again(self.body, self.views, self.weights, &f.moment, &mut f.body);
+                },
+            );
+            let each = frames.iter().map(|f| (&f.moment, Some((&f.body, 0.0))));
+            self.run.keep(&part, each);
+        }
+        (self.run.progress)(Step::Settled);
+    }
+
     /// Every frame to its outlines as well. Contours are always made, stage two wants them.
-    fn outline(&self, id: u32, masks: &Masks<'_>, moments: &mut Frames, fits: &mut [Placed]) {
+    fn outline(&self, masks: &Masks<'_>, own: &mut InFrames, others: &[&InFrames]) {
+        let InFrames {
+            id,
+            moments,
+            fits,
+            extents,
+        } = own;
         let blocks = moments.chunks_mut(BLOCK).zip(fits.chunks_mut(BLOCK));
-        for (block, (moments, fits)) in blocks.enumerate() {
+        let blocks = blocks.zip(extents.chunks(BLOCK));
+        for (block, ((moments, fits), extents)) in blocks.enumerate() {
             let part = format!("outlines-{id}-{block}");
             let restored = self.restore(&part, moments);
             let is_restored = restored.is_some();
             for (fitted, restored) in fits.iter_mut().zip(restored.into_iter().flatten()) {
                 *fitted = restored;
             }
-            moments.par_iter_mut().zip(&mut *fits).for_each_init(
+            let each = moments.par_iter_mut().zip(&mut *fits).zip(extents);
+            each.for_each_init(
                 || self.stage(),
-                |stage, ((frame, moment), fitted)| {
+                |stage, (((frame, moment), fitted), extents)| {
                     let Some((fitted, _)) = fitted else {
                         return;
                     };
-                    moment.contours = contours(masks, *frame, self.views, moment);
+                    let near: Vec<Person<'_>> =
+                        others.iter().filter_map(|p| p.at(*frame)).collect();
+                    let own = Person {
+                        moment: &*moment,
+                        extents,
+                    };
+                    moment.contours = contours(masks, *frame, self.views, own, &near);
                     if !is_restored {
                         stage.outline(self.body, self.views, self.weights, moment, fitted);
                         (self.run.progress)(Step::Outlined);
@@ -198,6 +293,8 @@ mod tests {
     use crate::body::mesh::MeshPose;
     use crate::joints::EVIDENCE_JOINTS;
     use crate::message::Observation;
+    use crate::multiview::kept::{Kept, write};
+    use crate::multiview::silhouette::Mask;
     use crate::multiview::{PosePrior, Sight};
 
     /// Level, at the origin, the world's y up.
@@ -226,13 +323,8 @@ mod tests {
 
     /// What one view sees of a body.
     fn seen(views: &[View; 1], truth: &Fitted) -> Moment {
-        let body = MeshBody::shipped();
         let mut seen = Observation::default();
-        for (out, joint) in seen
-            .joints2d
-            .iter_mut()
-            .zip(points::evidence(body, &truth.posed))
-        {
+        for (out, joint) in seen.joints2d.iter_mut().zip(points::evidence(&truth.posed)) {
             let pixel = views[0].project(joint).unwrap();
             *out = [pixel.x as f32, pixel.y as f32, 0.9];
         }
@@ -251,7 +343,7 @@ mod tests {
         let (body, views) = (MeshBody::shipped(), [camera()]);
         let truth = standing(0.3);
         let mut moment = seen(&views, &truth);
-        moment.joints = points::evidence(body, &truth.posed).map(Some);
+        moment.joints = points::evidence(&truth.posed).map(Some);
         let heard = std::sync::Mutex::new(Vec::new());
         let hear = |step: Step| heard.lock().unwrap().push(step);
         let masks: &Masks<'_> = &|_, _| None;
@@ -263,7 +355,7 @@ mod tests {
             run: Run::new(Some(masks), &hear),
         };
         let moments = vec![(0, moment.clone()), (1, moment)];
-        over.fit(Track { id: 1, moments }).unwrap();
+        assert_eq!(over.fit(vec![Track { id: 1, moments }]).len(), 1);
         let wanted = [
             Step::Placed,
             Step::Placed,
@@ -272,6 +364,67 @@ mod tests {
             Step::Outlined,
         ];
         assert_eq!(*heard.lock().unwrap(), wanted);
+    }
+
+    /// What an earlier run has kept: the first person's outlined body.
+    struct Outlined(Vec<u8>);
+
+    impl Kept for Outlined {
+        fn get(&self, part: &str) -> Option<Vec<u8>> {
+            (part == "outlines-1-0").then(|| self.0.clone())
+        }
+
+        fn put(&self, _: &str, _: &[u8]) {}
+    }
+
+    #[test]
+    fn whose_an_outline_is_does_not_depend_on_whether_a_run_goes_on() {
+        let (body, views) = (MeshBody::shipped(), [camera()]);
+        let at = |z: f64| {
+            let mut pose = standing(0.0).pose;
+            pose.pelvis.z = z;
+            Fitted::new(body, pose, &[0.0; 10])
+        };
+        let track = |id: u32, truth: &Fitted| {
+            let mut moment = seen(&views, truth);
+            moment.joints = points::evidence(&truth.posed).map(Some);
+            Track {
+                id,
+                moments: vec![(0, moment)],
+            }
+        };
+        // Of two in a line the one before covers the other, in a mask that tells people apart.
+        let (front, back) = (at(-4.0), at(-5.5));
+        let tracks = vec![track(1, &front), track(2, &back)];
+        let [w, h] = views[0].size;
+        let inside = |k: u32| (440..840).contains(&(k % w)) && (200..760).contains(&(k / w));
+        let mask = Mask {
+            size: [w, h],
+            owners: (0..w * h).map(|k| u8::from(inside(k))).collect(),
+            unknown: Some(255),
+        };
+        let masks: &Masks<'_> = &|_, _| Some(mask.clone());
+        // The outline has drawn the first one behind the other.
+        let far = at(-8.0);
+        let first = (&tracks[0].moments[0].1, Some((&far, 0.0)));
+        let kept = Outlined(write([first].into_iter()));
+        let anew = Run::new(Some(masks), &|_| ());
+        let goes_on = Run {
+            kept: &kept,
+            ..anew
+        };
+        for run in [anew, goes_on] {
+            let over = OverFrames {
+                body,
+                views: &views,
+                weights: &[1.0],
+                hierarchy: true,
+                run,
+            };
+            let found = over.fit(tracks.clone());
+            let outlined = |k: usize| found[k].frames[0].moment.contours[0].is_some();
+            assert_eq!([outlined(0), outlined(1)], [true, false]);
+        }
     }
 
     #[test]

@@ -7,7 +7,6 @@ use glam::{DQuat, DVec3};
 use super::fit::PersonFit;
 use super::points;
 use crate::body::BodyModel;
-use crate::body::mesh::MeshBody;
 use crate::body::skeleton::{
     BoneLengths, Pose, Posed, Skeleton, bone_rotations, rotation_vector_near,
 };
@@ -19,7 +18,7 @@ use crate::solve::{Effort, LeastSquares, NormalEquations, Solver};
 /// Joints of the skeleton that lie farther than this from the mesh body's, metres, may be of a pose beside the right
 /// one.
 const BESIDE: f64 = 0.1;
-/// How sure a joint is that two views saw, one, or none.
+/// How sure a joint is that two views saw, one, or none, where Stage III does not tell.
 const SURE: [f32; 3] = [0.95, 0.8, 0.5];
 
 struct Laid<'a> {
@@ -137,7 +136,7 @@ impl<'a> Laying<'a> {
 }
 
 /// One message body a frame of a person, with the frame's number. `stature` in metres, `rate` in frames a second.
-pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> Vec<(usize, Body)> {
+pub fn bodies(person: &PersonFit, stature: f64, rate: f64) -> Vec<(usize, Body)> {
     let skeleton = Skeleton::builtin();
     if person.frames.is_empty() {
         return Vec::new();
@@ -145,7 +144,7 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
     let joints: Vec<[DVec3; BODY_JOINTS]> = person
         .frames
         .iter()
-        .map(|f| points::all(body, &f.body.posed))
+        .map(|f| points::all(&f.body.posed))
         .collect();
     let lengths = bone_lengths(&joints);
     let mut laying = Laying::new(skeleton, &lengths);
@@ -165,7 +164,10 @@ pub fn bodies(body: &MeshBody, person: &PersonFit, stature: f64, rate: f64) -> V
             sights.filter(|s| s.rays[j].is_some()).count()
         });
         let is_seen = seen.iter().any(|s| *s > 0);
-        let confidence = std::array::from_fn(|j| SURE[2 - seen[j].min(2)]);
+        let confidence = match &f.moment.lifted {
+            Some(lifted) => lifted.confidence,
+            None => std::array::from_fn(|j| SURE[2 - seen[j].min(2)]),
+        };
         turn = rotation_vector_near(state.0.rotation, turn);
         // Over a pause nobody knows how fast they went.
         let near = [k - usize::from(goes_on), k + usize::from(is_next(k))];
@@ -244,7 +246,7 @@ mod tests {
             frames: turns.map(|(frame, turned)| waving(frame, turned)).to_vec(),
         };
         let skeleton = Skeleton::builtin();
-        for (frame, body) in bodies(MeshBody::shipped(), &person, 1.7, 30.0) {
+        for (frame, body) in bodies(&person, 1.7, 30.0) {
             let pose = Pose {
                 position: DVec3::from(body.position.map(f64::from)),
                 rotation: glam::Quat::from_array(body.orientation).as_dquat(),
@@ -271,7 +273,7 @@ mod tests {
             betas: vec![0.0; 10],
             frames: frames.map(|(k, turned)| waving(k, turned)).collect(),
         };
-        let found = bodies(MeshBody::shipped(), &person, 1.7, 30.0);
+        let found = bodies(&person, 1.7, 30.0);
         let vector =
             |k: usize| DVec3::from_array([3, 4, 5].map(|d| f64::from(found[k].1.angles[d])));
         for k in 1..turns.len() {

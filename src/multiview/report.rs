@@ -38,6 +38,8 @@ pub struct ViewReport {
     pub offset_s: Option<f64>,
     /// People and frames of bodies that it saw.
     pub sights: usize,
+    /// People and frames of bodies that are in its picture, by its calibration, whether anything hides them or not.
+    pub shown: usize,
     /// People and frames that its detector told of, whoever they are; as many where nobody counted.
     pub told: usize,
     /// Of the people and frames it saw, those whose outline a mask showed; `None` without masks.
@@ -125,7 +127,7 @@ pub fn report(
     for (p, person) in fit.people.iter().zip(&people) {
         for f in &p.frames {
             if let Some(all) = by_frame.get_mut(f.frame) {
-                all.push((person, f, points::evidence(body, &f.body.posed)));
+                all.push((person, f, points::evidence(&f.body.posed)));
             }
         }
     }
@@ -142,6 +144,8 @@ pub fn report(
     };
     let view = |(v, view): (usize, &View)| {
         let (mut residuals, mut sights): (Vec<Residual>, usize) = (Vec::new(), 0);
+        let each = by_frame.iter().flatten();
+        let shown = each.filter(|(_, _, joints)| shows(view, joints)).count();
         for (frame, all) in by_frame.iter().enumerate() {
             let joints: Vec<_> = all.iter().map(|seen| seen.2).collect();
             let others = match fit.weights[v] > 0.0 || all.is_empty() {
@@ -170,6 +174,7 @@ pub fn report(
             weight: fit.weights[v],
             offset_s: None,
             sights,
+            shown,
             told: sights,
             contours: outlined(v),
             joints: residuals.len(),
@@ -187,6 +192,16 @@ pub fn report(
         people,
         notes: Vec::new(),
     }
+}
+
+/// Whether most joints are in a view's picture.
+fn shows(view: &View, joints: &[DVec3; EVIDENCE_JOINTS]) -> bool {
+    let [width, height] = view.size.map(f64::from);
+    let is_inside = |joint: &&DVec3| {
+        let pixel = view.project(**joint);
+        pixel.is_some_and(|p| p.x >= 0.0 && p.y >= 0.0 && p.x < width && p.y < height)
+    };
+    2 * joints.iter().filter(is_inside).count() > EVIDENCE_JOINTS
 }
 
 /// Median and mean.
@@ -214,7 +229,7 @@ fn acceleration(body: &MeshBody, person: &super::PersonFit, rate: f64) -> Option
     let mut joints = |k: usize| {
         let f = &person.frames[k].body;
         body.kinematics(&f.pose, &f.person, &mut posed);
-        points::evidence(body, &posed)
+        points::evidence(&posed)
     };
     for k in 2..person.frames.len() {
         if person.frames[k].frame != person.frames[k - 2].frame + 2 {

@@ -15,7 +15,8 @@ pub enum Step {
     Restored(usize),
     /// A body was fitted to the joints of one frame.
     Placed,
-    /// Frames of one person were tried again from their neighbours; of the steps that are planned this is none.
+    /// Frames of one person were tried again from their neighbours, or with other weights of the views; of the steps
+    /// that are planned this is none.
     Settled,
     /// A body was fitted to its outlines as well.
     Outlined,

@@ -59,7 +59,7 @@ impl StageOne {
         let started = self.start(body, moment);
         let told = moment.joints;
         if let Some(near) = near {
-            moment.place_by(body, near);
+            moment.place_by(near);
         }
         let mut best: Option<(Fitted, f64)> = None;
         for (coarse, start) in [(true, started), (false, near.cloned())] {
@@ -90,7 +90,7 @@ impl StageOne {
         }
         let (mut fitted, mut cost) = best?;
         for _ in 0..ROUNDS {
-            let joints = points::evidence(body, &fitted.posed);
+            let joints = points::evidence(&fitted.posed);
             let mut healed = 0;
             for (view, sight) in views.iter().zip(&mut moment.sights) {
                 healed += sight
@@ -112,6 +112,20 @@ impl StageOne {
         }
         moment.joints = told;
         Some((fitted, cost))
+    }
+
+    /// Fits a frame again from the body that it has, where views count otherwise than they did.
+    pub fn again(
+        &mut self,
+        body: &MeshBody,
+        views: &[View],
+        weights: &[f64],
+        moment: &Moment,
+        fitted: &mut Fitted,
+    ) {
+        let settings = (FINE, PRIOR[1], 14);
+        self.solve(body, views, weights, moment, settings, fitted);
+        self.outline(body, views, weights, moment, fitted);
     }
 
     /// Fits a body that joints have placed to its contours as well.
@@ -144,7 +158,7 @@ impl StageOne {
             sigma,
             targets: None,
             target_sigma: FINE,
-            lifted: moment.lifted.as_ref(),
+            lifted: moment.lifted.as_ref().map(|l| &l.joints),
             rims: &[],
             prior,
             shape: SHAPE,

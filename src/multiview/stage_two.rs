@@ -88,7 +88,7 @@ impl Refit<'_> {
                     .collect();
             }
             let targets: Vec<Targets> = if self.paths {
-                project(self.body, fits, self.rate)
+                project(fits, self.rate)
             } else {
                 vec![[None; BODY_JOINTS]; fits.len()]
             };
@@ -100,7 +100,7 @@ impl Refit<'_> {
                 Solver::default,
                 |solver, ((moment, fitted), (targets, rims))| {
                     if turn == TURNS / 2 {
-                        let joints = points::evidence(self.body, &fitted.posed);
+                        let joints = points::evidence(&fitted.posed);
                         for (view, sight) in self.views.iter().zip(&mut moment.sights) {
                             moment.healed += sight
                                 .as_mut()
@@ -138,7 +138,7 @@ impl Refit<'_> {
             sigma: FINE,
             targets: self.paths.then_some(targets),
             target_sigma: dct::SIGMA,
-            lifted: moment.lifted.as_ref(),
+            lifted: moment.lifted.as_ref().map(|l| &l.joints),
             rims,
             prior: 1.0,
             shape: 0.0,
@@ -171,8 +171,8 @@ impl Refit<'_> {
     }
 }
 
-fn project(body: &MeshBody, fits: &[Fitted], rate: f64) -> Vec<Targets> {
-    let joints: Vec<_> = fits.iter().map(|f| points::all(body, &f.posed)).collect();
+fn project(fits: &[Fitted], rate: f64) -> Vec<Targets> {
+    let joints: Vec<_> = fits.iter().map(|f| points::all(&f.posed)).collect();
     let mut targets = vec![[None; BODY_JOINTS]; fits.len()];
     for j in 0..BODY_JOINTS {
         let path: Vec<DVec3> = joints.iter().map(|p| p[j]).collect();
@@ -206,7 +206,7 @@ mod tests {
         let start = Fitted::new(body, pose, &[0.0; 10]);
         let mut moments = [Moment {
             sights: vec![None],
-            joints: points::evidence(body, &start.posed).map(Some),
+            joints: points::evidence(&start.posed).map(Some),
             healed: 0,
             lifted: None,
             contours: Vec::new(),
@@ -221,7 +221,7 @@ mod tests {
             run: Run::new(None, &|_| ()),
         };
         refit.fit("paths", &mut moments, &mut fits);
-        let [was, is] = [&start, &fits[0]].map(|f| points::evidence(body, &f.posed));
+        let [was, is] = [&start, &fits[0]].map(|f| points::evidence(&f.posed));
         for j in 0..EVIDENCE_JOINTS {
             assert!(was[j].distance(is[j]) < 1e-9, "joint {j}");
         }

@@ -1,6 +1,7 @@
 //! `edgecap calibrate --board` on pictures of boards whose cameras are known.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::Path;
 
 use edgecap::camera::{Brown, CameraFile, View, calibration};
@@ -144,6 +145,16 @@ fn photos_of_a_chessboard_give_the_lens() {
     let (photos, out) = (at("photos"), at("camera.toml"));
     let said = calibrate(&["--board", "9x6", "--view", &photos, "--out", &out]);
     eprintln!("{said}");
+    assert_lens(&lens_of(&out), &camera());
+    // One that is cut off is told, and the others are used.
+    let whole = fs::read(format!("{photos}/0.png")).unwrap();
+    fs::write(format!("{photos}/cut.png"), &whole[..whole.len() / 2]).unwrap();
+    fs::remove_file(&out).unwrap();
+    let args = ["calibrate", "--board", "9x6", "--view", &photos];
+    let done = output(&[&args[..], &["--out", &out]].concat());
+    let said = stderr(&done);
+    assert_eq!(done.status.code(), Some(65), "{said}");
+    assert!(said.contains("not used: cut: cannot be read"), "{said}");
     assert_lens(&lens_of(&out), &camera());
 }
 
@@ -292,14 +303,59 @@ fn films_and_known_lenses_do_as_well() {
     }
     let [lens, first, second, out] = ["lenses.toml", "cam01.avi", "cam02.avi", "out.toml"].map(at);
     fs::write(&lens, calibration::write_pose2sim(truth)).unwrap();
-    let said = calibrate(&[
+    let args = [
         "--board", "9x6", "--square", "0.03", "--floor", "0.0s", "--lens", &lens, "--view", &first,
         "--view", &second, "--out", &out,
-    ]);
+    ];
+    let said = calibrate(&args);
     assert!(said.contains("cam02"), "{said}");
     let found = calibration::read(out.as_ref()).unwrap().views;
     assert_places(&found, truth, 0.2, 0.005);
     assert_eq!(found[1].focal, truth[1].focal);
+    let other_floor = args.map(|arg| if arg == "0.0s" { "1.5s" } else { arg });
+    let other_floor = [&["calibrate"], &other_floor[..]].concat();
+    assert_fails(&other_floor, 64, &["--floor", "found 1.5s"]);
+    // A damaged picture is told of, also where it is none of those that are looked at.
+    let whole = fs::read(&second).unwrap();
+    let mut damaged = whole.clone();
+    let (start, length) = picture_of(&whole, 1);
+    damaged[start..start + length].fill(0);
+    fs::write(&second, damaged).unwrap();
+    fs::remove_file(&out).unwrap();
+    let done = output(&[&["calibrate"], &args[..]].concat());
+    let said = stderr(&done);
+    assert_eq!(done.status.code(), Some(65), "{said}");
+    assert!(
+        said.contains("frame 1: ")
+            && said.contains("of camera cam02 only the pictures that can be read are looked at"),
+        "{said}"
+    );
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    assert_places(&found, truth, 0.2, 0.005);
+    // Of one that is cut off the pictures before that are used.
+    fs::write(&second, &whole[..whole.len() * 17 / 20]).unwrap();
+    fs::remove_file(&out).unwrap();
+    let done = output(&[&["calibrate"], &args[..]].concat());
+    let said = stderr(&done);
+    assert_eq!(done.status.code(), Some(65), "{said}");
+    assert!(
+        said.contains("of camera cam02 only the pictures before that are looked at"),
+        "{said}"
+    );
+    let found = calibration::read(out.as_ref()).unwrap().views;
+    assert_places(&found, truth, 0.3, 0.01);
+    // What lies behind that may show the floor.
+    assert_fails(&other_floor, 65, &["picture 1.5s", "camera cam02", "ends"]);
+}
+
+/// Where the bytes of an AVI's picture begin, and how many there are.
+fn picture_of(avi: &[u8], number: usize) -> (usize, usize) {
+    let movi = avi.windows(4).position(|w| w == b"movi").unwrap();
+    let length = |at: usize| u32::from_le_bytes(avi[at + 4..at + 8].try_into().unwrap()) as usize;
+    let next = |at: usize| at + 8 + length(at).next_multiple_of(2);
+    let at = (0..number).fold(movi + 4, |at, _| next(at));
+    assert_eq!(avi[at..at + 4], *b"00dc");
+    (at + 8, length(at))
 }
 
 #[test]
@@ -343,6 +399,13 @@ fn what_no_board_tells_is_said() {
             .unwrap();
     }
     let mixed = at("mixed");
+    let turned = at("turned");
+    fs::create_dir(&turned).unwrap();
+    let board = Photographer::new(&camera(), 1).picture(&CHESS, &album(&CHESS)[0]);
+    for (name, orientation) in [("a.jpg", 1), ("b.jpg", 3)] {
+        let photo = photo_to_turn(&board, orientation);
+        fs::write(Path::new(&turned).join(name), photo).unwrap();
+    }
     let other = at("other");
     let charuco = "charuco:8x6:DICT_5X5_100";
     let refused = |args: &[&str], code: i32, words: &[&str]| {
@@ -366,6 +429,15 @@ fn what_no_board_tells_is_said() {
         &["--view", &mixed, "--board", "9x6"],
         65,
         &["one size", "64x64", "80x64"],
+    );
+    refused(
+        &["--view", &turned, "--board", "9x6"],
+        65,
+        &[
+            "camera turned",
+            "EXIF",
+            "a as it is stored and b turned by half",
+        ],
     );
     refused(&["--view", &empty, "--board", "9x6"], 66, &["empty"]);
     let size = "--board";
@@ -405,4 +477,30 @@ fn what_no_board_tells_is_said() {
         assert_eq!(done.status.code(), Some(64), "{board}");
         assert!(stderr(&done).contains(words), "{}", stderr(&done));
     }
+    // What is not used of pictures is said, also where the rest does not do.
+    let blank = folder.path().join("one/blank.png");
+    image::RgbImage::new(960, 720).save(blank).unwrap();
+    let done = output(&["calibrate", "--out", &out, "--view", &one, "--board", "9x6"]);
+    let said = stderr(&done);
+    assert_eq!(done.status.code(), Some(65), "{said}");
+    assert!(said.contains("camera one: not used: blank: "), "{said}");
+    let floor = [size, "9x6", "--square", "0.03", "--floor", "blank"];
+    let words = [
+        "picture blank",
+        "--floor names",
+        "(camera one: ",
+        "such as 0",
+    ];
+    refused(&both(&floor), 65, &words);
+}
+
+/// A photo that says how it is to be turned to be upright.
+fn photo_to_turn(shown: &image::RgbImage, orientation: u8) -> Vec<u8> {
+    let mut jpeg = Vec::new();
+    shown
+        .write_to(&mut Cursor::new(&mut jpeg), image::ImageFormat::Jpeg)
+        .unwrap();
+    let exif = b"\xff\xe1\0\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0";
+    let (start, rest) = jpeg.split_at(2);
+    [start, exif, &[orientation, 0, 0, 0, 0, 0, 0, 0], rest].concat()
 }

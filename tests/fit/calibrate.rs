@@ -310,6 +310,15 @@ fn what_cannot_be_calibrated_is_said() {
         65,
         &["at least 20 frames"],
     );
+    // What is wrong with a lens is said, also where too little was seen.
+    let folds = at("folds.toml");
+    let text = "fx = 1150\ncx = 540\ncy = 540\nwidth = 1080\nheight = 1080\nk1 = -8\n";
+    std::fs::write(&folds, text).unwrap();
+    let views = ["--view", &first, "--view", &second, "--lens", &folds];
+    let done = output(&[&["calibrate", "--out", &out], &views[..]].concat());
+    let said = stderr(&done);
+    assert_eq!(done.status.code(), Some(65), "{said}");
+    assert!(said.contains("camera 0: its lens shows nothing"), "{said}");
     let fisheye = at("fisheye.toml");
     let text = std::fs::read_to_string(&lens).unwrap();
     std::fs::write(&fisheye, text.replace("fisheye = false", "fisheye = true")).unwrap();
@@ -352,6 +361,12 @@ fn what_can_be_known_of_the_command_is_said_before_any_work() {
         let one = ["--lens", "north=a.toml", "--lens", "north=b.toml"];
         let words = ["one --lens for camera north", "a.toml and b.toml"];
         refused(&[verb, &one].concat(), &out, 64, &words);
+    }
+    let others = at("others.toml");
+    std::fs::write(&others, calibration::write_pose2sim(&ring(2))).unwrap();
+    for verb in [&["calibrate"][..], &board] {
+        let words = ["others.toml", "expected camera north, found none"];
+        refused(&[verb, &["--lens", &others]].concat(), &out, 65, &words);
     }
     std::fs::create_dir(at("photos")).unwrap();
     let photos = format!("west={}", at("photos"));

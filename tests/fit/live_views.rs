@@ -625,6 +625,34 @@ fn lit(mut person: Person) -> Person {
     person
 }
 
+/// The same person, half of whose torso in the picture is somebody else's.
+fn mixed(mut person: Person, other: &Person) -> Person {
+    let bins = person.clothes.iter_mut().flatten();
+    for (own, other) in bins.zip(other.clothes.iter().flatten()) {
+        *own = 0.5 * (*own + other);
+    }
+    person
+}
+
+#[test]
+fn looks_stay_as_they_are_while_somebody_stands_before_a_person() {
+    // One behind the other as two of the views see them.
+    let [first, other] = [(21, 0.0, 4.2), (22, -0.12, 4.53)].map(|(s, x, z)| standing(s, x, z));
+    let behind = mixed(standing(21, 0.0, 4.2), &other);
+    let before = mixed(standing(22, -0.12, 4.53), &first);
+    let back = standing(21, 1.0, 4.4);
+    let frames = instants(&views(3), 20.0, 10.0, &|_, t| match t {
+        t if t < 1.0 => vec![&first],
+        t if t < 4.0 => vec![&behind, &before],
+        t if t < 9.0 => vec![&other],
+        _ => vec![&back, &other],
+    });
+    let [alone, together, away] = [19, 79, 150].map(|k| ids(&frames[k].1));
+    assert_eq!((alone, together, away), (vec![1], vec![1, 2], vec![2]));
+    let (_, last) = &frames[frames.len() - 1];
+    assert_eq!(ids(last), [1, 2], "known when back");
+}
+
 #[test]
 fn whom_two_views_see_where_one_follows_them_is_the_same_in_any_light() {
     for count in [3, 4] {

@@ -10,13 +10,17 @@ use edgecap::joints::{BODY_JOINTS, PELVIS};
 use edgecap::lab::multiview::own::{RATE, Walker, observe, own, ring, steady};
 use edgecap::lab::multiview::{Line, TablesOptions, Trial, tables};
 use edgecap::lab::synth::detector::{ARMS, Flaws, LEGS, exchange};
-use edgecap::message::{JointState, Observation, ObservationFrame};
-use edgecap::multiview::{MultiviewFit, MultiviewOptions, Sight, bodies, matched, track};
+use edgecap::message::{Body, BodyState, JointState, Observation, ObservationFrame};
+use edgecap::multiview::{
+    Mask, MultiviewFit, MultiviewOptions, Run, Sight, bodies, fit, matched, stature, track,
+};
 use edgecap::npz::Archive;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use glam::{DMat3, DVec3};
 
 use crate::program::{assert_fails, output, stderr};
+use crate::scene::people;
+use crate::scene::{Noise, Scene};
 
 const L_ANKLE: usize = 13;
 const L_FOOT_TIP: usize = 20;
@@ -58,7 +62,7 @@ fn joints_that_no_view_tells_are_seen_where_the_joint_before_them_is() {
     for sight in moments.flat_map(|m| m.sights.iter_mut().flatten()) {
         sight.rays[L_ANKLE] = None;
     }
-    let bodies = bodies(MeshBody::shipped(), person, 1.7, trial.rate);
+    let bodies = bodies(person, 1.7, trial.rate);
     assert_eq!(bodies.len(), 3);
     for (frame, body) in bodies {
         let unseen = |j: &usize| body.joint_states[*j] != JointState::OBSERVED;
@@ -570,6 +574,232 @@ fn a_view_that_sees_nobody_of_the_others_people_is_named() {
         (&report["views"][1]["sights"], &report["views"][1]["told"]),
         (&0.into(), &12.into())
     );
+}
+
+/// Twelve people walk by far behind, whom one view shows and the others do not.
+#[test]
+fn a_view_that_sees_bystanders_behind_the_others_people_is_not_doubted() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let Trial {
+        views, mut seen, ..
+    } = own(5, 3, 12, Flaws::NONE);
+    std::fs::write(at("Calib.toml"), write_pose2sim(&views)).unwrap();
+    let behind = |k: usize| DVec3::new(0.9 * (k as f64 - 5.5), 0.0, -14.0 - 0.7 * k as f64);
+    let crowd: Vec<Walker> = (0..12)
+        .map(|k| Walker::new(12, 40 + k as u64, behind(k)))
+        .collect();
+    let beside = observe(&views[..1], &crowd, Flaws::NONE, 6);
+    for (frame, more) in seen.iter_mut().zip(beside) {
+        frame[0].extend(more.into_iter().flatten());
+    }
+    record(folder.path(), &views, &seen);
+    let (calibration, run) = (at("Calib.toml"), at("run"));
+    let names = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
+    args.extend(names.iter().flat_map(|name| ["--view", name]));
+    let out = output(&args);
+    assert!(out.status.success(), "{}", stderr(&out));
+    let table = String::from_utf8(out.stdout).unwrap();
+    assert!(!table.contains("check its place"), "{table}");
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(at("run/report.json")).unwrap()).unwrap();
+    let of = |name: &str| report["views"][0][name].as_u64().unwrap();
+    assert_eq!((of("sights"), of("shown")), (12, 12));
+    assert!(of("told") > 120, "{report}");
+}
+
+/// Cameras that show people down to the belt.
+#[test]
+fn upper_bodies_alone_are_said_to_be_the_reason() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let Trial {
+        views, mut seen, ..
+    } = own(5, 3, 12, Flaws::NONE);
+    std::fs::write(at("Calib.toml"), write_pose2sim(&views)).unwrap();
+    for seen in seen.iter_mut().flatten().flatten() {
+        seen.joints2d[8..].fill([0.0; 3]);
+    }
+    record(folder.path(), &views, &seen);
+    let (calibration, run) = (at("Calib.toml"), at("run"));
+    let names = ["0", "120", "240"].map(|v| at(&format!("{v}.jsonl")));
+    let mut args = vec!["multiview", "--calibration", &calibration, "--out", &run];
+    args.extend(names.iter().flat_map(|name| ["--view", name]));
+    assert_fails(&args, 65, &["neck and hips", "12 frames"]);
+}
+
+#[test]
+fn a_camera_that_is_named_has_to_be_the_only_one_of_its_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let views = files(folder.path(), 2, 12);
+    let one = at("One.toml");
+    std::fs::write(&one, write_pose2sim(&views[..1])).unwrap();
+    let record = at("120.jsonl");
+    let of = |view: &str, run: &str| {
+        let (view, out) = (view.to_owned(), at(run));
+        [
+            "multiview",
+            "--calibration",
+            &one,
+            "--view",
+            &view,
+            "--out",
+            &out,
+        ]
+        .map(str::to_owned)
+    };
+    let wrong = of(&format!("nosuch={record}"), "wrong");
+    let wrong = wrong.each_ref().map(String::as_str);
+    assert_fails(&wrong, 64, &["nosuch", "cameras 0"]);
+    // The file alone tells nothing.
+    let unnamed = of(&record, "run");
+    let out = output(&unnamed.each_ref().map(String::as_str));
+    assert_ne!(out.status.code(), Some(64), "{}", stderr(&out));
+}
+
+/// What views saw, in the order of the frames.
+fn sights(trial: &Trial) -> Vec<Vec<Vec<Sight>>> {
+    let of_frame = |seen: &Vec<Vec<Observation>>| {
+        let each = trial.views.iter().zip(seen);
+        each.map(|(view, seen)| seen.iter().map(|o| Sight::new(view, o)).collect())
+            .collect()
+    };
+    trial.seen.iter().map(of_frame).collect()
+}
+
+/// A camera that was zoomed in after its calibration sees people larger than they are.
+#[test]
+fn a_view_that_counts_less_has_no_part_in_the_shape() {
+    let mut trial = own(1, 3, 10, Flaws::NONE);
+    let centre = trial.views[2].centre.as_vec2().to_array();
+    let zoomed = trial.seen.iter_mut().flat_map(|views| &mut views[2]);
+    for joint in zoomed.flat_map(|seen| &mut seen.joints2d) {
+        for (place, middle) in joint.iter_mut().zip(centre) {
+            *place = middle + 1.25 * (*place - middle);
+        }
+    }
+    let (body, frames) = (MeshBody::shipped(), sights(&trial));
+    let options = MultiviewOptions {
+        rate: trial.rate,
+        paths: false,
+        hierarchy: true,
+    };
+    let fitted = |used: [bool; 3]| {
+        let run = Run::new(None, &|_| ());
+        let found = fit(body, &trial.views, &used, &frames, options, run);
+        (found.weights[2], stature(body, &found.people[0].betas))
+    };
+    let ((weight, with), (_, without)) = (fitted([true; 3]), fitted([true, true, false]));
+    println!("weight {weight:.3}, {with:.3} m, {without:.3} m without");
+    assert!(weight < 0.3, "{weight}");
+    assert!((with - without).abs() < 0.005, "{with} m, not {without} m");
+}
+
+/// Of two people, one of whom stands behind the other in a view, the one before has the outline there: where masks show
+/// what is to be seen of the other, do not know whose it is, or show nothing of it.
+#[test]
+fn nobody_is_given_the_outline_of_whoever_stands_before_them() {
+    const FRAMES: usize = 4;
+    let views = ring(3);
+    let people = [0.0, -1.1].map(|z| Walker::new(FRAMES, 7, DVec3::new(0.0, 0.0, z)));
+    let trial = Trial {
+        seen: observe(&views, &people, Flaws::NONE, 7),
+        views,
+        ..own(7, 1, 1, Flaws::NONE)
+    };
+    let shown = |frame: usize, view: usize, hidden: u8, unknown: Option<u8>| {
+        let camera = &trial.views[view];
+        let depth = |k: &usize| camera.to_camera(people[*k].poses[frame].pelvis).z;
+        let mut order = [0, 1];
+        order.sort_by(|a, b| depth(b).total_cmp(&depth(a)));
+        let mut all = people[0].mask(frame, camera);
+        all.owners.fill(0);
+        all.unknown = unknown;
+        for k in order {
+            let own = people[k].mask(frame, camera).owners;
+            let is_hidden = view == 0 && k == order[0];
+            let value = if is_hidden { hidden } else { 1 + k as u8 };
+            for (to, _) in all.owners.iter_mut().zip(own).filter(|(_, own)| *own == 1) {
+                *to = value;
+            }
+        }
+        all
+    };
+    let options = MultiviewOptions {
+        rate: trial.rate,
+        paths: false,
+        hierarchy: true,
+    };
+    let (body, frames) = (MeshBody::shipped(), sights(&trial));
+    for (hidden, unknown) in [(2, None), (255, Some(255)), (0, None)] {
+        let drawn: Vec<Vec<Mask>> = (0..FRAMES)
+            .map(|k| (0..3).map(|v| shown(k, v, hidden, unknown)).collect())
+            .collect();
+        let masks = |frame: usize, view: usize| Some(drawn[frame][view].clone());
+        let run = Run::new(Some(&masks), &|_| ());
+        let found = fit(body, &trial.views, &[true; 3], &frames, options, run);
+        assert_eq!(found.people.len(), 2);
+        for person in &found.people {
+            for f in &person.frames {
+                let is_before = f.body.pose.pelvis.z > -0.3;
+                let outlined: Vec<bool> = f.moment.contours.iter().map(Option::is_some).collect();
+                let frame = f.frame;
+                assert_eq!(outlined, [is_before, true, true], "{hidden}, frame {frame}");
+            }
+        }
+    }
+}
+
+/// A body's confidence is a probability, which Stage III has for every joint.
+#[test]
+fn bodies_of_one_view_are_as_sure_as_those_of_stage_three() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (view, run, fitted) = (at("cam.jsonl"), at("run"), at("fitted.jsonl"));
+    let walker = people::everyday().swap_remove(0);
+    let mut scene = Scene::new(vec![walker], Noise::MEASURED, 30.0, 4);
+    let mut file = RecordWriter::<ObservationsRow>::create(view.as_ref(), Format::Jsonl).unwrap();
+    for _ in 0..60 {
+        file.write(&scene.next().0, "").unwrap();
+    }
+    file.finish().unwrap();
+    for args in [
+        ["multiview", "--view", &view, "--out", &run],
+        ["fit", "--input", &view, "--jsonl", &fitted],
+    ] {
+        let done = output(&args);
+        assert!(done.status.success(), "{}", stderr(&done));
+    }
+    let sure = |path: &str| -> Vec<(u32, Body)> {
+        let lines = std::fs::File::open(path).unwrap();
+        let mut rows = RowReader::<_, BodiesRow>::new(std::io::BufReader::new(lines), "bodies");
+        let (mut all, mut frame) = (Vec::new(), 0);
+        while let Some(row) = rows.read().unwrap() {
+            all.extend(row.message().bodies().iter().map(|b| (frame, *b)));
+            frame += 1;
+        }
+        all
+    };
+    let (ours, theirs) = (sure(&at("run/bodies.jsonl")), sure(&fitted));
+    let (mut compared, mut least) = (0, 1.0_f32);
+    for (frame, body) in &theirs {
+        let is_same = |(f, b): &&(u32, Body)| f == frame && b.id == body.id;
+        let own = ours.iter().find(is_same);
+        let Some((_, own)) = own.filter(|_| body.state == BodyState::TRACKED) else {
+            continue;
+        };
+        for (j, (own, wanted)) in own.confidence.iter().zip(body.confidence).enumerate() {
+            assert!(
+                (own - wanted).abs() < 0.1,
+                "frame {frame}, joint {j}: {own}, not {wanted}"
+            );
+            (compared, least) = (compared + 1, least.min(*own));
+        }
+    }
+    assert!(compared > 30 * BODY_JOINTS, "{compared}");
+    assert!(least < 0.7, "no joint is doubtful: {least}");
 }
 
 #[test]

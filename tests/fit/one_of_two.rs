@@ -1,6 +1,5 @@
 //! Two cameras of which one hardly ever sees the person: frames of the other alone tell neither size nor distance.
 
-use edgecap::body::mesh::MeshBody;
 use edgecap::lab::multiview::own::{own, steady};
 use edgecap::multiview::{MultiviewOptions, evidence_joints};
 
@@ -30,7 +29,7 @@ fn errors(paths: bool) -> (f64, [f64; 2], Vec<f64>) {
     assert_eq!(person.frames.len(), 60);
     let alone = person.frames.iter().filter(|f| f.frame % 5 >= BOTH);
     let off = alone.map(|f| {
-        let own = evidence_joints(MeshBody::shipped(), &f.body.posed);
+        let own = evidence_joints(&f.body.posed);
         let apart = own.iter().zip(&part.joints[f.frame]);
         apart.map(|(a, b)| a.distance(*b)).sum::<f64>() / own.len() as f64
     });

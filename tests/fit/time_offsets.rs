@@ -304,3 +304,108 @@ fn views_that_started_one_after_the_other_become_one_run() {
     args.extend(["--out", &x]);
     assert_fails(&args, 65, &["cannot tell", "cam0 and cam1", "--sync times"]);
 }
+
+/// The report's views by name, and its frames.
+fn reported(run: &str) -> (Vec<(String, serde_json::Value)>, u64) {
+    let text = std::fs::read_to_string(Path::new(run).join("report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let views = report["views"].as_array().unwrap().iter();
+    let views = views.map(|v| (v["name"].as_str().unwrap().to_owned(), v.clone()));
+    (views.collect(), report["frames"].as_u64().unwrap())
+}
+
+/// Two cameras that ran together for ten seconds, and one that was started three seconds later, in which nobody is seen
+/// for long enough to tell.
+#[test]
+fn a_view_that_cannot_have_started_with_the_others_takes_nothing_from_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let views = views(3);
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (calibration, run) = (at("Calib.toml"), at("run"));
+    std::fs::write(&calibration, write_pose2sim(&views)).unwrap();
+    let people = walkers(2);
+    let mut args = vec![
+        "multiview",
+        "--calibration",
+        &calibration,
+        "--no-dct",
+        "--out",
+        &run,
+    ];
+    let files: Vec<String> = (views.iter().zip([0.0, 0.0, -3.0]))
+        .map(|(view, ahead)| {
+            let mut frames = record(view, (30.0, ahead), &people, 10.0 + ahead, NOISY, false);
+            if ahead != 0.0 {
+                frames[3..].iter_mut().for_each(|frame| frame.count = 0);
+            }
+            write(folder.path(), &view.name, &frames)
+        })
+        .collect();
+    args.extend(files.iter().flat_map(|file| ["--view", file]));
+    let out = output(&args);
+    let said = stderr(&out);
+    assert!(out.status.success(), "{said}");
+    assert!(said.contains("cam1 started together with cam0"), "{said}");
+    assert!(
+        said.contains("cam2") && said.contains("not as long"),
+        "{said}"
+    );
+    let (views, frames) = reported(&run);
+    let names: Vec<&str> = views.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!((&names[..], frames), (&["cam0", "cam1"][..], 300));
+}
+
+/// The one that is held out is the fastest, and was started first.
+#[test]
+fn bodies_are_those_without_the_camera_that_is_held_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let views = views(3);
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let calibration = at("Calib.toml");
+    std::fs::write(&calibration, write_pose2sim(&views)).unwrap();
+    let people = walkers(1);
+    let clocks = [(60.0, 0.9), (30.0, 0.0), (25.0, 0.4)];
+    let spoil = Spoil {
+        pixels: 2.0,
+        ..Spoil::default()
+    };
+    let files: Vec<String> = (views.iter().zip(clocks))
+        .map(|(view, clock)| {
+            let frames = record(view, clock, &people, 5.0, spoil, false);
+            write(folder.path(), &view.name, &frames)
+        })
+        .collect();
+    let run = |files: &[String], name: &str, more: &[&str]| {
+        let to = at(name);
+        let mut args = vec![
+            "multiview",
+            "--calibration",
+            &calibration,
+            "--no-dct",
+            "--out",
+            &to,
+        ];
+        args.extend(files.iter().flat_map(|file| ["--view", file]));
+        args.extend(more);
+        let out = output(&args);
+        assert!(out.status.success(), "{}", stderr(&out));
+        to
+    };
+    let held = run(&files, "held", &["--hold-out", "cam0"]);
+    let without = run(&files[1..], "without", &[]);
+    for file in ["bodies.npz", "bodies.jsonl"] {
+        let [held, without] =
+            [&held, &without].map(|run| std::fs::read(Path::new(run).join(file)).unwrap());
+        assert!(held == without, "{file}");
+    }
+    // It is measured all the same, at its own time.
+    let (views, _) = reported(&held);
+    let (name, line) = &views[0];
+    assert_eq!(
+        (name.as_str(), line["weight"].as_f64()),
+        ("cam0", Some(0.0))
+    );
+    let offset = line["offset_s"].as_f64().unwrap();
+    assert!((offset - 0.9).abs() < 0.5 / 30.0, "{line}");
+    assert!(line["median_percent"].as_f64().unwrap() < 5.0, "{line}");
+}

@@ -9,8 +9,9 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 use edgecap_client::{LinkError, Priority, Subscriber};
 
-use super::STEP;
+use super::numbers::Succession;
 use super::pace::{Fresh, Pace};
+use super::{FitTask, STEP};
 use crate::camera::{Sleep, View, calibration, monotonic_ns};
 use crate::commands::exit::{Failure, told};
 use crate::commands::multiview::{names, no_such_camera, pictured};
@@ -106,13 +107,13 @@ pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
 pub fn live(
     fit: LiveFit,
     names: &[String],
-    rate: Option<u16>,
+    task: &FitTask,
     mut sinks: Sinks<BodyFrame>,
     stop: &Stop,
     heart: &Heartbeat,
 ) -> anyhow::Result<()> {
     let over = AtomicBool::new(false);
-    let mut frames = 0;
+    let (mut frames, mut succession) = (0, Succession::after(task.before));
     let outcome = std::thread::scope(|threads| {
         let _ends = Ends(&over);
         let (to, news) = sync_channel(WAITING);
@@ -130,6 +131,7 @@ pub fn live(
         drop(to);
         let mut publish = |out: &mut BodyFrame| -> anyhow::Result<()> {
             frames += 1;
+            succession.go_on(out);
             out.publish_ns = monotonic_ns();
             sinks.take(&Packet {
                 message: out,
@@ -142,7 +144,7 @@ pub fn live(
         fit_all(
             fit,
             names,
-            Pace::new(rate),
+            Pace::new(task.rate),
             &news,
             stop,
             heart,
@@ -333,6 +335,12 @@ impl Camera {
         let is_silent = self.rhythm.is_silent(SAID_AFTER, now);
         is_silent.unwrap_or_else(is_awaited)
     }
+
+    /// Whether it comes, and goes with the calibration.
+    fn counts(&self, began: Instant, now: Instant) -> bool {
+        let comes = !self.ended && !self.is_silent(began, now);
+        comes && self.size.is_some() && self.other.is_none()
+    }
 }
 
 impl<'a> Cameras<'a> {
@@ -379,10 +387,10 @@ impl<'a> Cameras<'a> {
             }
         }
         (own.other, own.is_other) = (None, false);
-        let other = self
-            .each
-            .iter()
-            .position(|c| c.size.is_some() && !c.ended && c.is_file != is_file);
+        // One that was killed does not come any more, though it has not said so.
+        let comes = |c: &Camera| c.size.is_some() && !c.ended && !c.is_silent(self.began, now);
+        let is_other = |c: &Camera| comes(c) && c.is_file != is_file;
+        let other = self.each.iter().position(is_other);
         if let Some(other) = other {
             let [film, camera] = if is_file {
                 [camera, other]
@@ -424,28 +432,42 @@ impl<'a> Cameras<'a> {
     /// Whether some camera is left out, and none comes `now` that goes with the calibration.
     fn are_of_no_use(&self, now: Instant) -> bool {
         let mut going_on = self.each.iter().filter(|c| !c.ended);
-        let counts =
-            |c: &Camera| c.other.is_none() && c.size.is_some() && !c.is_silent(self.began, now);
-        going_on.clone().any(|c| c.other.is_some()) && !going_on.any(counts)
+        going_on.clone().any(|c| c.other.is_some()) && !going_on.any(|c| c.counts(self.began, now))
+    }
+
+    /// What becomes of bodies without a camera. `left_out`: why each is in no instant though it comes.
+    fn without(&self, camera: usize, left_out: &[Option<LeftOut>], now: Instant) -> &'static str {
+        let each = self.each.iter().zip(left_out).enumerate();
+        let others = each.filter(|(k, _)| *k != camera);
+        let combined = others.filter(|(_, (c, why))| why.is_none() && c.counts(self.began, now));
+        // Two find people; one alone follows them.
+        match combined.count() {
+            0 | 1 => "there are no new bodies until two cameras can be combined",
+            _ => "bodies come of the other cameras",
+        }
     }
 
     /// Says which cameras are missing or cannot be combined, once. `now`: nanoseconds, on the clock of `together`.
     fn say(&mut self, together: &Synchroniser, now: u64) {
         let instant = Instant::now();
-        for (k, (name, camera)) in self.names.iter().zip(&mut self.each).enumerate() {
+        let all = 0..self.each.len();
+        let left_out: Vec<Option<LeftOut>> =
+            all.clone().map(|k| together.left_out(k, now)).collect();
+        let without: Vec<&str> = all.map(|k| self.without(k, &left_out, instant)).collect();
+        let each = self.names.iter().zip(&mut self.each);
+        for ((name, camera), (why, without)) in each.zip(left_out.into_iter().zip(without)) {
             let silent = camera.is_silent(self.began, instant);
             if silent && !camera.said && !camera.ended {
                 camera.said = true;
-                tracing::warn!("{name} sends no observations; bodies come of the other cameras");
+                tracing::warn!("{name} sends no observations; {without}");
             }
-            let why = together.left_out(k, now);
             match camera.apart.look(why, instant) {
                 Some(LeftOut::Slow(interval)) => tracing::warn!(
-                    "{name} sends observations too seldom to be combined, every {interval:.1} s where {:.1} s is the most; bodies come of the other cameras",
+                    "{name} sends observations too seldom to be combined, every {interval:.1} s where {:.1} s is the most; {without}",
                     LeftOut::MOST_APART
                 ),
                 Some(LeftOut::Late(late)) => tracing::warn!(
-                    "{name} sends observations too late to be combined, {late:.1} s after the fastest camera where {:.1} s is the most; bodies come of the other cameras",
+                    "{name} sends observations too late to be combined, {late:.1} s after another camera where {:.1} s is the most; {without}",
                     LeftOut::LATEST
                 ),
                 None => {}
@@ -585,6 +607,51 @@ mod tests {
         assert!(are_of_no_use(&cameras, 9.0));
         assert_eq!(checked(&mut cameras, 0, true, 9.1), Ok(true));
         assert!(!are_of_no_use(&cameras, 9.1));
+    }
+
+    #[test]
+    fn without_a_camera_bodies_come_of_two_others_at_least() {
+        let names = ["hall", "yard", "door"].map(str::to_owned);
+        let mut cameras = Cameras::new(&names);
+        let comes = |cameras: &Cameras<'_>, left_out: [Option<LeftOut>; 3], after: f64| {
+            let now = cameras.began + Duration::from_secs_f64(after);
+            cameras.without(0, &left_out, now).starts_with("bodies")
+        };
+        assert!(!comes(&cameras, [None; 3], 6.0), "none has come");
+        assert_eq!(checked(&mut cameras, 0, true, 7.0), Ok(true));
+        assert_eq!(checked(&mut cameras, 1, true, 7.0), Ok(true));
+        assert!(!comes(&cameras, [None; 3], 7.1), "one other");
+        assert_eq!(checked(&mut cameras, 2, true, 7.0), Ok(true));
+        assert!(comes(&cameras, [None; 3], 7.1));
+        let slow = Some(LeftOut::Slow(0.6));
+        assert!(!comes(&cameras, [None, None, slow], 7.1));
+        assert!(!comes(&cameras, [None; 3], 20.0), "all are silent");
+    }
+
+    #[test]
+    fn a_file_that_does_not_come_any_more_lets_a_camera_come() {
+        use crate::commands::exit::{DATA, code};
+        let names = ["hall".to_owned(), "yard".to_owned()];
+        let view = View::around(0.0);
+        for (after, expected) in [(0.1, Err(DATA)), (10.0, Ok(true))] {
+            let mut cameras = Cameras::new(&names);
+            let film = ObservationFrame {
+                width: 1080,
+                height: 1920,
+                flags: FLAG_FILE_TIME,
+                ..ObservationFrame::default()
+            };
+            let began = cameras.began;
+            assert!(cameras.check(0, &view, &film, began).unwrap());
+            let camera = checked(&mut cameras, 1, true, after);
+            assert_eq!(camera, expected, "{after} s later");
+            // One that comes again beside the camera is none of the same clock.
+            if expected.is_ok() {
+                let now = began + Duration::from_secs_f64(after + 0.1);
+                let again = cameras.check(0, &view, &film, now);
+                assert_eq!(again.map_err(|e| code(&e)), Err(DATA));
+            }
+        }
     }
 
     #[test]

@@ -27,7 +27,7 @@ use super::say;
 use super::settings::parse_rate;
 use super::stop::Stop;
 use lines::Lines;
-use numbers::Numbers;
+use numbers::{Before, Numbers, Succession};
 use pace::{Fresh, Pace};
 
 use crate::camera::{DEFAULT_FOV, Sleep, monotonic_ns};
@@ -106,6 +106,10 @@ pub struct FitTask {
     /// Publish at this rate, extrapolating between camera frames, Hz
     #[arg(long, value_name = "HZ", value_parser = parse_rate, conflicts_with = "input")]
     pub rate: Option<u16>,
+    /// What was published before, which a supervisor knows
+    #[arg(skip)]
+    #[serde(default)]
+    pub before: Before,
 }
 
 /// Runs Stage III.
@@ -137,7 +141,7 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         let fit = fit.map_err(|e| Failure::config(e.to_string()))?;
         args.record.add_to::<BodiesRow>(false, &mut sinks)?;
         publish(&task, &mut sinks)?;
-        return cameras::live(fit, &chosen.names, task.rate, sinks, &stop, &heart);
+        return cameras::live(fit, &chosen.names, &task, sinks, &stop, &heart);
     }
     let mut fitter = fitter(task.config.as_ref(), task.stills)?;
     let Some(input) = &args.input else {
@@ -196,12 +200,12 @@ fn live(
     let mut out = Box::new(BodyFrame::default());
     let mut fit_us = 0;
     let mut frames = 0;
-    let (mut fresh, mut numbers) = (Fresh::default(), Numbers::default());
+    let (mut fresh, mut succession) = (Fresh::default(), Succession::after(task.before));
     let mut sleep = Sleep::default();
     let mut fit = || -> anyhow::Result<()> {
         let mut take = |out: &mut BodyFrame| {
             frames += 1;
-            out.sequence = numbers.go_on(out.sequence);
+            succession.go_on(out);
             out.publish_ns = monotonic_ns();
             sinks.take(&Packet {
                 message: out,

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::masks::{MaskFolder, expect_in_step};
 use super::read::{Scene, names, told};
 use super::store::Store;
+use crate::camera::View;
 use crate::capture::{Frame, InputSpec, OpenOptions, Source, open};
 use crate::commands::exit::Failure;
 use crate::commands::progress;
@@ -70,30 +71,42 @@ pub fn masks(
     Ok(MaskFolder::made(&made, scene, wanted, UNKNOWN))
 }
 
-/// The film of every view, as given or as its own file.
+/// The film of every view, as given or as its own file; of those that are not `used` no mask is asked for.
 ///
 /// # Errors
-/// When there is no film, one is not there, or the views' frames are not the films'.
-pub fn films(given: &[String], scene: &Scene) -> anyhow::Result<Vec<Option<PathBuf>>> {
+/// When there is no film, one is not there or is given for a camera that is not used, or the views' frames are not the
+/// films'.
+pub fn films(
+    given: &[String],
+    scene: &Scene,
+    used: &[bool],
+) -> anyhow::Result<Vec<Option<PathBuf>>> {
     expect_in_step(scene)?;
     let mut films = scene.films.clone();
+    let with_use = scene.views.iter().zip(used).filter(|(_, used)| **used);
+    let wanted: Vec<View> = with_use.map(|(view, _)| view.clone()).collect();
+    let wanted = names(&wanted);
     for text in given {
         let wrong = |found: &str| {
             Failure::usage(format!(
-                "expected --film CAMERA=FILE with one of the cameras {}, found {found}",
-                names(&scene.views)
+                "expected --film CAMERA=FILE with one of the cameras {wanted}, found {found}"
             ))
         };
         let (name, file) = told(text).ok_or_else(|| wrong(text))?;
         let v = scene.views.iter().position(|v| v.name == name);
         let (v, file) = (v.ok_or_else(|| wrong(name))?, PathBuf::from(file));
+        if !used[v] {
+            return Err(wrong(&format!("{name}, which is held out")).into());
+        }
         std::fs::metadata(&file).map_err(|e| Failure::no_input(&file, &e))?;
         films[v] = Some(file);
     }
+    for (film, _) in films.iter_mut().zip(used).filter(|(_, used)| !**used) {
+        *film = None;
+    }
     if films.iter().all(Option::is_none) {
         return Err(Failure::usage(format!(
-            "expected films where there is --masks background, found records alone; give films as --view, or --film CAMERA=FILE for {}",
-            names(&scene.views)
+            "expected films where there is --masks background, found records alone; give films as --view, or --film CAMERA=FILE for {wanted}"
         ))
         .into());
     }
@@ -227,9 +240,8 @@ fn png(path: &Path, [width, height]: [u32; 2], owners: &[u8]) -> io::Result<()> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::View;
     use crate::capture::AviWriter;
-    use crate::commands::exit::{CANNOT_CREATE, IO, code};
+    use crate::commands::exit::{CANNOT_CREATE, IO, USAGE, code};
 
     /// Of one camera, in which nobody is seen.
     fn scene(size: [u32; 2], frames: usize) -> Scene {
@@ -314,6 +326,27 @@ mod tests {
             short.contains("4 frames") && short.contains("found 3 frames"),
             "{short}"
         );
+    }
+
+    #[test]
+    fn films_are_asked_for_of_cameras_that_count_alone() {
+        let mut scene = scene([320, 240], 1);
+        scene.views = ["a", "c"]
+            .map(|name| View {
+                name: name.to_owned(),
+                ..View::around(0.0)
+            })
+            .to_vec();
+        scene.films = vec![None; 2];
+        let refused = |given: &[String]| {
+            let e = films(given, &scene, &[true, false]).unwrap_err();
+            assert_eq!(code(&e), USAGE, "{e}");
+            e.to_string()
+        };
+        let held = refused(&["c=c.mp4".to_owned()]);
+        assert!(held.contains("c, which is held out"), "{held}");
+        let none = refused(&[]);
+        assert!(none.ends_with("for a"), "{none}");
     }
 
     #[test]

@@ -23,10 +23,11 @@ pub fn inputs(args: &MultiviewArgs) -> String {
         hold_out,
         fps,
         sync,
-        // What is written of the bodies, and where to.
+        // What is written of the bodies, and where to; how fast.
         obj: _,
         export: _,
         out: _,
+        threads: _,
     } = args;
     let mut text = program();
     let _ = writeln!(text, "--no-dct {no_dct}");

@@ -189,6 +189,7 @@ mod tests {
             weight,
             offset_s: None,
             sights: 36,
+            shown: 36,
             told: 36,
             contours: Some(contours),
             joints: 0,

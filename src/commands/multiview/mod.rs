@@ -18,6 +18,7 @@ pub(super) use read::{names, no_such_camera, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use self::masks::MaskFolder;
+use self::read::Scene;
 use self::store::Store;
 use self::sync::Sync;
 use super::apart::Apart;
@@ -25,10 +26,13 @@ use super::exit::{self, Failure};
 use super::export::Exports;
 use super::progress;
 use super::say;
+use super::threads::ThreadsArgs;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
 use crate::camera::{View, calibration};
-use crate::multiview::{Masks, MultiviewOptions, Run, Step, fit, fit_tracks, matched, report};
+use crate::multiview::{
+    Detections, Masks, MultiviewOptions, Run, Step, fit, fit_tracks, matched, report,
+};
 
 /// The word for masks from films.
 const BACKGROUND: &str = "background";
@@ -79,6 +83,8 @@ pub struct MultiviewArgs {
     /// its folder 'resume' until they are written: a run that was broken off goes on when the same is given again
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: ThreadsArgs,
 }
 
 /// Reads a rate.
@@ -101,11 +107,15 @@ pub(super) fn rate(text: &str) -> Result<f64, String> {
 /// # Errors
 /// When calibration, views or body cannot be read or do not go together, or when the folder cannot be written.
 pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
+    args.threads.run(|| fit_views(&args))
+}
+
+fn fit_views(args: &MultiviewArgs) -> anyhow::Result<()> {
     expect_few(args.view.len())?;
     write::expect_empty(&args.out)?;
     let chosen = write::frames(args.obj.as_deref())?;
     let exports = Exports::new(&args.export)?;
-    apart(&args).check()?;
+    apart(args).check()?;
     let own;
     let body = match &args.body {
         None => MeshBody::shipped(),
@@ -117,9 +127,9 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
             &own
         }
     };
-    let store = Store::open(&args.out, inputs::inputs(&args))?;
+    let store = Store::open(&args.out, inputs::inputs(args))?;
     let (scene, alone) = if args.view.len() == 1 {
-        let (scene, tracks) = one_view::scene(&args, &store)?;
+        let (scene, tracks) = one_view::scene(args, &store)?;
         (scene, Some(tracks))
     } else {
         let path = args.calibration.as_ref().ok_or_else(|| {
@@ -127,7 +137,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
                 "expected --calibration for several views, found none; 'calibrate' makes one",
             )
         })?;
-        (read::scene(&args, calibration::read(path)?, &store)?, None)
+        (read::scene(args, calibration::read(path)?, &store)?, None)
     };
     for note in &scene.notes {
         say::err(note);
@@ -146,7 +156,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     let mut films = None;
     let mut folder = match &args.masks {
         Some(path) if path.as_os_str() == BACKGROUND => {
-            films = Some(background::films(&args.film, &scene)?);
+            films = Some(background::films(&args.film, &scene, &used)?);
             None
         }
         Some(path) => {
@@ -208,7 +218,7 @@ pub fn multiview(args: MultiviewArgs) -> anyhow::Result<()> {
     };
     if fitted.people.is_empty() {
         masked?;
-        return Err(nobody(views, frames.len()));
+        return Err(nobody(&scene, &used));
     }
     let other = |v: usize, f: usize, all: &[_]| matched(&views[v], &frames[f][v], all);
     let mut report = report(body, views, &fitted, frames.len(), scene.rate, &other);
@@ -267,12 +277,34 @@ fn farthest(views: &[View]) -> f64 {
     apart.fold(0.0, f64::max)
 }
 
+/// Neck and hips: of somebody new they have to be known in space.
+const TRUNK: [usize; 3] = [1, 8, 11];
+
+/// Whether two of the `used` views see somebody in the same frame, and never every joint of a trunk, whoever's it is.
+fn lacks_trunks(frames: &[Vec<Detections>], used: &[bool]) -> bool {
+    let sees = |view: &Detections, j: usize| view.iter().any(|s| s.rays[j].is_some());
+    let shown = |frame: &[Detections], by: &dyn Fn(&Detections) -> bool| {
+        let views = frame.iter().zip(used).filter(|(_, used)| **used);
+        views.filter(|(view, _)| by(view)).count() > 1
+    };
+    let is_whole = |frame: &[Detections]| {
+        let mut joints = TRUNK.iter();
+        joints.all(|j| shown(frame, &|view| sees(view, *j)))
+    };
+    let is_met = |frame: &[Detections]| shown(frame, &|view| !view.is_empty());
+    frames.iter().any(|frame| is_met(frame)) && !frames.iter().any(|frame| is_whole(frame))
+}
+
 /// Why there is nothing to write.
-fn nobody(views: &[View], frames: usize) -> anyhow::Error {
-    let wanted = match views {
+fn nobody(scene: &Scene, used: &[bool]) -> anyhow::Error {
+    let (views, frames) = (&scene.views, scene.frames.len());
+    let wanted = match &views[..] {
         [view] => format!(
             "expected somebody in the view of camera {}, found nobody who stays in {frames} frames",
             view.name
+        ),
+        _ if lacks_trunks(&scene.frames, used) => format!(
+            "expected somebody whose neck and hips two cameras see, found nobody in {frames} frames; turn or move cameras so that they show people down to the hips"
         ),
         _ => format!(
             "expected somebody whom two cameras see in the same place, found nobody in {frames} frames; check that views are of one moment, the calibration is theirs, and its unit the metre: by it cameras are up to {:.2} m apart",

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::MultiviewArgs;
 use super::Sync;
-use super::read::{Films, Scene, named, no_such_camera, pictured};
+use super::read::{Films, Scene, named, no_such_camera, pictured, told};
 use super::store::Store;
 use super::sync::{OTHERWISE, no_times, on_machine_clock};
 use crate::camera::{Brown, View, calibration};
@@ -35,7 +35,9 @@ pub fn scene(args: &MultiviewArgs, store: &Store) -> anyhow::Result<(Scene, Vec<
             notes.extend(calibration.notes.into_iter().chain(as_written));
             let views = calibration.views;
             let own = views.iter().find(|v| v.name == name);
-            let own = own.or(views.first().filter(|_| views.len() == 1));
+            // A file needs not be called like the only camera; a camera that is named has to be it.
+            let is_named = told(&args.view[0]).is_some();
+            let own = own.or(views.first().filter(|_| views.len() == 1 && !is_named));
             let view =
                 own.ok_or_else(|| Failure::usage(no_such_camera(&views, "in --view", &name)))?;
             Some((view.clone(), path))

@@ -109,13 +109,15 @@ pub fn scene(
     let every = (0..files.len()).map(|k| one_pictured(&views, k));
     let every = every.collect::<anyhow::Result<Vec<View>>>()?;
     let lenses: Vec<Intrinsics> = seen.iter().map(|s| s.intrinsics).collect();
+    let is_held = |view: &View| args.hold_out.contains(&view.name);
+    let held: Vec<bool> = every.iter().map(is_held).collect();
     let how = (args.sync, args.fps);
     let Together {
         used,
         common,
         offsets,
         of_machine,
-    } = bring_together(how, &every, seen, &mut notes)?;
+    } = bring_together(how, &every, seen, &held, &mut notes)?;
     let Common {
         people,
         times,
@@ -127,27 +129,29 @@ pub fn scene(
     expect_two_measured(&args.hold_out, &views)?;
     // Joints in space are in axes by the lens that each record tells: its view's may be another.
     let lenses: Vec<Intrinsics> = used.iter().map(|k| lenses[*k]).collect();
-    let frames = |views: &[View]| -> Vec<Vec<Detections>> {
+    let frames = |which: &[usize], views: &[View]| -> Vec<Vec<Detections>> {
         let one = |k: usize, v: usize, view: &View| -> Detections {
             let mut people = people[v][k].clone();
             to_view(view, &lenses[v], &mut people);
             people.iter().map(|o| Sight::new(view, o)).collect()
         };
         let all = |k: usize| {
-            let each = views.iter().enumerate();
-            each.map(|(v, view)| one(k, v, view)).collect()
+            let each = which.iter().zip(views);
+            each.map(|(v, view)| one(k, *v, view)).collect()
         };
         (0..times.len()).map(all).collect()
     };
-    let mut sights = frames(&views);
+    // Views that are only measured tell nothing of lenses and pictures.
+    let told: Vec<usize> = (0..views.len()).filter(|v| !is_held(&views[*v])).collect();
+    let of_told = |all: &[View]| -> Vec<View> { told.iter().map(|v| all[*v].clone()).collect() };
+    let judged = |views: &[View]| frames(&told, views);
     if let Some((other, what)) = alternative {
         let other = used.iter().map(|k| one_pictured(&other, *k));
         let other = other.collect::<anyhow::Result<Vec<View>>>()?;
-        let theirs = frames(&other);
-        let both = [
-            agreement(&views, &sights, rate),
-            agreement(&other, &theirs, rate),
-        ];
+        let both = [&views, &other].map(|all| {
+            let all = of_told(all);
+            agreement(&all, &judged(&all), rate)
+        });
         // Where nobody is found in one reading, rays meet nowhere.
         let both = both.map(|found| found.map(|a| a.apart));
         let [as_is, changed] = both.map(|apart| apart.unwrap_or(f64::INFINITY));
@@ -165,10 +169,13 @@ pub fn scene(
             "lenses as they are written: rays meet {first}; {what}: {second}; {verdict}"
         ));
         if better {
-            (views, sights) = (other, theirs);
+            views = other;
         }
     }
-    expect_not_mirrored(&views, &sights, &frames, rate)?;
+    let own = of_told(&views);
+    expect_not_mirrored(&own, &judged(&own), &judged, rate)?;
+    let everyone: Vec<usize> = (0..views.len()).collect();
+    let sights = frames(&everyone, &views);
     let film = |k: &usize| Some(files[*k].1.clone()).filter(|file| is_film(file));
     Ok(Scene {
         views,
@@ -434,6 +441,7 @@ mod tests {
     use crate::camera::Brown;
     use crate::camera::calibration::{self, write_pose2sim};
     use crate::commands::multiview::Sync;
+    use crate::commands::threads::ThreadsArgs;
     use crate::joints::{EVIDENCE_JOINTS, PELVIS};
     use crate::message::{Observation, ObservationFrame};
     use crate::record::{Format, ObservationsRow, RecordWriter};
@@ -513,6 +521,7 @@ mod tests {
                 sync: Sync::None,
                 export: Vec::new(),
                 out: at("run"),
+                threads: ThreadsArgs::default(),
             };
             let store = Store::open(&args.out, String::new()).unwrap();
             let calibration = calibration::read(&at("Calib.toml")).unwrap();

@@ -64,7 +64,7 @@ pub struct Store {
     folder: PathBuf,
     /// What results depend on.
     inputs: String,
-    /// Held while the folder is in use; `None` before there is one.
+    /// Held while the folder is in use; `None` before this process uses it.
     lock: Mutex<Option<File>>,
     /// Whether the run's folder was made for this one.
     made: AtomicBool,
@@ -92,16 +92,15 @@ impl Store {
         Ok(store)
     }
 
-    /// Removes what is not of these inputs, and says so. A command that names a file which is not there has other
-    /// inputs: this is for after all of them were read.
+    /// Makes the folder its own, removes what is not of these inputs, and says so. A command that names a file which is
+    /// not there has other inputs: this is for after all of them were read.
     ///
     /// # Errors
-    /// When the folder cannot be read or written.
+    /// When another process is at work there by now, or the folder cannot be read or written.
     pub fn begin(&self) -> anyhow::Result<()> {
-        if self.folder.is_dir() {
-            self.tidy().map_err(|e| Failure::output(&self.out, &e))?;
-        }
-        Ok(())
+        // Before anything is removed: what lies there may be the work of one that began meanwhile.
+        self.make()?;
+        Ok(self.tidy().map_err(|e| Failure::output(&self.out, &e))?)
     }
 
     /// Makes the folder where it is not there yet.
@@ -375,5 +374,38 @@ impl Drop for Store {
             // Fails when somebody else put something there meanwhile; then it stays.
             let _ = fs::remove_dir(&self.out);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::exit::{TRY_LATER, code};
+
+    #[test]
+    fn of_two_that_found_no_work_the_second_leaves_that_of_the_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("run");
+        let [first, second] =
+            ["edgecap 1\n", "edgecap 2\n"].map(|i| Store::open(&out, i.to_owned()).unwrap());
+        first.begin().unwrap();
+        first.put("joints-1-0", b"bodies");
+        let e = second.begin().unwrap_err();
+        assert_eq!(code(&e), TRY_LATER, "{e}");
+        drop(second);
+        assert_eq!(first.get("joints-1-0").as_deref(), Some(&b"bodies"[..]));
+        let inputs = fs::read_to_string(out.join(NAME).join(INPUTS)).unwrap();
+        assert_eq!(inputs, "edgecap 1\n");
+    }
+
+    #[test]
+    fn a_run_that_began_and_kept_nothing_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("run");
+        let store = Store::open(&out, "edgecap 1\n".to_owned()).unwrap();
+        store.begin().unwrap();
+        assert!(out.join(NAME).join(LOCK).exists());
+        drop(store);
+        assert!(!out.exists());
     }
 }

@@ -31,27 +31,75 @@ pub struct Together {
     pub used: Vec<usize>,
     /// What these saw.
     pub common: Common,
-    /// By how many seconds each of these started before the first of them, where that was told.
+    /// By how many seconds each of these started before the first of them that is not held out, where that was told.
     pub offsets: Vec<Option<f64>>,
     /// Whether the instants are of the machine's clock.
     pub of_machine: bool,
 }
 
-/// Brings views to one time; one file a view.
+/// Brings views to one time; one file a view. Of views that are `held` out nothing depends: what they saw at the
+/// others' instants is found afterwards, and as many stay as have a time that can be told.
 ///
 /// # Errors
 /// Views that do not go together, or of which it cannot be told.
 pub fn bring_together(
+    how: (Sync, Option<f64>),
+    views: &[View],
+    mut seen: Vec<ViewFile>,
+    held: &[bool],
+    notes: &mut Vec<String>,
+) -> anyhow::Result<Together> {
+    if let (_, Some(fps)) = how {
+        seen.iter_mut().for_each(|s| s.at_rate(fps));
+    }
+    if !held.contains(&true) {
+        return Ok(counted(how, views, seen, notes)?.0);
+    }
+    let (mut aside, mut kept) = (Vec::new(), Vec::new());
+    for (k, (file, held)) in seen.into_iter().zip(held).enumerate() {
+        match held {
+            true => aside.push((k, file)),
+            false => kept.push((k, file)),
+        }
+    }
+    let (numbers, files): (Vec<usize>, Vec<ViewFile>) = kept.into_iter().unzip();
+    let own: Vec<View> = numbers.iter().map(|k| views[*k].clone()).collect();
+    let (mut together, way) = counted(how, &own, files.clone(), notes)?;
+    let others = Others::new(own, files, &together, way);
+    let mut held = Vec::new();
+    for (k, file) in aside {
+        let found = others.beside(how, &views[k], file, notes)?;
+        held.extend(found.map(|found| (k, found)));
+    }
+    together.used = together.used.iter().map(|k| numbers[*k]).collect();
+    for (k, found) in held {
+        let at = together.used.partition_point(|other| *other < k);
+        together.used.insert(at, k);
+        together.offsets.insert(at, found.offset);
+        together.common.people.insert(at, found.people);
+        // Only masks ask for the numbers of pictures, and of who is only measured there are none.
+        together.common.numbers.insert(at, Vec::new());
+    }
+    Ok(together)
+}
+
+/// How views were brought to one time.
+enum Way {
+    /// By one clock.
+    Clock,
+    /// By motion, or as if together where that tells nothing.
+    Motion,
+    /// By number.
+    Number,
+}
+
+/// Brings together the views by which is measured.
+fn counted(
     (sync, fps): (Sync, Option<f64>),
     views: &[View],
     mut seen: Vec<ViewFile>,
     notes: &mut Vec<String>,
-) -> anyhow::Result<Together> {
-    if let Some(fps) = fps {
-        for s in &mut seen {
-            s.at_rate(fps);
-        }
-    }
+) -> anyhow::Result<(Together, Way)> {
     let one_clock = fps.is_none() && seen.iter().all(|s| s.of_machine);
     let is_whole = sync == Sync::None || !ViewFile::put_in_order(&mut seen, notes);
     let timed = seen.iter().all(ViewFile::tells_times);
@@ -60,12 +108,13 @@ pub fn bring_together(
     let together = match sync {
         Sync::Times | Sync::Auto if timed && (one_clock || sync == Sync::Times) => {
             let shifts = common_time::by_clock(&seen);
-            Ok(Together {
+            let together = Together {
                 used: everyone,
                 common: common_time::by_times(seen, &shifts, OTHERWISE, notes)?,
                 offsets: shifts.into_iter().map(Some).collect(),
                 of_machine,
-            })
+            };
+            Ok((together, Way::Clock))
         }
         Sync::Auto | Sync::Motion if timed => in_motion(sync, views, seen, notes),
         Sync::None | Sync::Auto => {
@@ -78,18 +127,19 @@ pub fn bring_together(
                 );
             }
             notes.extend(ViewFile::begin_apart(seen.iter()));
-            Ok(Together {
+            let together = Together {
                 offsets: vec![None; seen.len()],
                 used: everyone,
                 common: common_time::by_number(fps, seen, notes)?,
                 of_machine,
-            })
+            };
+            Ok((together, Way::Number))
         }
         Sync::Motion | Sync::Times => Err(no_times().into()),
     };
     let mut together = together?;
     // Masks and films are numbered by the file's own frames.
-    together.common.in_step &= is_whole;
+    together.0.common.in_step &= is_whole;
     Ok(together)
 }
 
@@ -105,13 +155,150 @@ pub fn no_times() -> Failure {
     )
 }
 
+/// Why a view's time is not told by motion, as the user has asked for.
+fn no_motion(first: &str, camera: &str) -> anyhow::Error {
+    Failure::data(format!(
+        "cannot tell the time between cameras {first} and {camera}: expected somebody who moves and whom both see for some seconds, at most {MOST} s apart; give --sync times or --sync none if they started together"
+    ))
+    .into()
+}
+
+/// Views by which is measured, brought together.
+struct Others<'a> {
+    views: Vec<View>,
+    /// With their frames in order, as these were brought together.
+    files: Vec<ViewFile>,
+    together: &'a Together,
+    way: Way,
+}
+
+/// What a view that is held out saw at the others' instants.
+struct Beside {
+    people: Vec<Vec<Observation>>,
+    /// By how many seconds it started before the first of the others, where that was told.
+    offset: Option<f64>,
+}
+
+impl<'a> Others<'a> {
+    fn new(views: Vec<View>, mut files: Vec<ViewFile>, together: &'a Together, way: Way) -> Self {
+        // What that says has been said.
+        ViewFile::put_in_order(&mut files, &mut Vec::new());
+        Self {
+            views,
+            files,
+            together,
+            way,
+        }
+    }
+
+    /// What one that is held out saw; `None`, which is said, where its time cannot be told, or it never ran with the
+    /// others.
+    ///
+    /// # Errors
+    /// Where it cannot be told as the user has asked for.
+    fn beside(
+        &self,
+        (sync, fps): (Sync, Option<f64>),
+        view: &View,
+        mut file: ViewFile,
+        notes: &mut Vec<String>,
+    ) -> anyhow::Result<Option<Beside>> {
+        let common = &self.together.common;
+        let left_out =
+            |why: &str| format!("camera {}, which is held out, {why}; left out", view.name);
+        if matches!(self.way, Way::Number) {
+            let beside = [&self.files[self.together.used[0]], &file];
+            let apart = ViewFile::begin_apart(beside.into_iter());
+            let people = common.seen_by_number(file, fps.is_some());
+            match people.is_some() {
+                true => notes.extend(apart),
+                false => notes.push(left_out("has another rate or length than the others")),
+            }
+            return Ok(people.map(|people| Beside {
+                people,
+                offset: None,
+            }));
+        }
+        ViewFile::put_in_order(std::slice::from_mut(&mut file), notes);
+        if !file.tells_times() {
+            if sync != Sync::Auto {
+                return Err(no_times().into());
+            }
+            notes.push(left_out("does not tell when its frames were taken"));
+            return Ok(None);
+        }
+        let first = &self.files[self.together.used[0]];
+        let by_clock = matches!(self.way, Way::Clock) && (file.of_machine || sync == Sync::Times);
+        let shift = if by_clock {
+            let apart = i128::from(first.times[0]) - i128::from(file.times[0]);
+            Offset::Told(apart as f64 * 1e-9)
+        } else {
+            let shift = self.by_motion(view, &file);
+            let fate = self.fate(&file);
+            if sync == Sync::Motion && shift == Offset::CannotTell {
+                return Err(no_motion(&first.name, &view.name));
+            }
+            notes.push(said(shift, &first.name, &view.name, fate));
+            if shift == Offset::CannotTell && fate != Fate::AsIfTogether {
+                return Ok(None);
+            }
+            shift
+        };
+        let seconds = shift.seconds();
+        let people = common.seen_beside(first, &file, seconds);
+        if people.is_none() {
+            notes.push(left_out("did not run while the others did"));
+        }
+        Ok(people.map(|people| Beside {
+            people,
+            offset: (shift != Offset::CannotTell).then_some(seconds),
+        }))
+    }
+
+    /// By how many seconds each of the others started before the first one.
+    fn shifts(&self) -> Vec<f64> {
+        let each = self.together.offsets.iter();
+        each.map(|offset| offset.unwrap_or(0.0)).collect()
+    }
+
+    /// What becomes of one whose time motion does not tell.
+    fn fate(&self, file: &ViewFile) -> Fate {
+        let used = self.together.used.iter().map(|k| &self.files[*k]);
+        let rate = self.files[self.together.used[0]].rate().unwrap_or(1.0);
+        let mut shifts = self.shifts().into_iter();
+        match shifts.any(|s| s.abs() >= IN_STEP / rate) {
+            true => Fate::OthersApart,
+            false if common_time::is_as_long(file, used) => Fate::AsIfTogether,
+            false => Fate::OtherLength,
+        }
+    }
+
+    /// By how much one started before the first of the others, as people move.
+    fn by_motion(&self, view: &View, file: &ViewFile) -> Offset {
+        let used = &self.together.used;
+        let mut views: Vec<View> = used.iter().map(|k| self.views[*k].clone()).collect();
+        let mut files: Vec<ViewFile> = used.iter().map(|k| self.files[*k].clone()).collect();
+        views.push(view.clone());
+        files.push(file.clone());
+        let (found, shifts) = (by_motion(&views, &files), self.shifts());
+        // Beside the first one of which anything is told.
+        let base = found.iter().position(|o| *o != Offset::CannotTell);
+        let base = base.and_then(|b| shifts.get(b)).copied().unwrap_or(0.0);
+        match found[used.len()] {
+            Offset::Told(s) => Offset::Told(s + base),
+            Offset::Ambiguous(s) => Offset::Ambiguous(s + base),
+            Offset::CannotTell => Offset::CannotTell,
+        }
+    }
+}
+
 /// Brings views to one time by what moves in them.
 fn in_motion(
     sync: Sync,
     views: &[View],
     seen: Vec<ViewFile>,
     notes: &mut Vec<String>,
-) -> anyhow::Result<Together> {
+) -> anyhow::Result<(Together, Way)> {
     let found = by_motion(views, &seen);
     let is_told = |k: &usize| found[*k] != Offset::CannotTell;
     let told: Vec<usize> = (0..seen.len()).filter(is_told).collect();
@@ -119,23 +306,24 @@ fn in_motion(
     let name = |k: usize| views[k].name.as_str();
     let near = IN_STEP / seen[first].rate().unwrap_or(1.0);
     let apart = found.iter().any(|o| o.seconds().abs() >= near);
+    // Where the others did not start together, nothing speaks for one of which it cannot be told; where they did, its
+    // length may speak against it.
+    let fate = |k: usize| match told.len() {
+        1 => Fate::AsIfTogether,
+        _ if apart => Fate::OthersApart,
+        _ if common_time::is_as_long(&seen[k], told.iter().map(|t| &seen[*t])) => {
+            Fate::AsIfTogether
+        }
+        _ => Fate::OtherLength,
+    };
     for k in (0..seen.len()).filter(|k| *k != first) {
         if sync == Sync::Motion && !is_told(&k) {
-            return Err(Failure::data(format!(
-                "cannot tell the time between cameras {} and {}: expected somebody who moves and whom both see for some seconds, at most {MOST} s apart; give --sync times or --sync none if they started together",
-                name(first),
-                name(k)
-            ))
-            .into());
+            return Err(no_motion(name(first), name(k)));
         }
-        notes.push(said(found[k], name(first), name(k), apart));
+        notes.push(said(found[k], name(first), name(k), fate(k)));
     }
-    // Where the others did not start together, nothing speaks for one of which it cannot be told.
-    let used = if apart {
-        told.clone()
-    } else {
-        (0..seen.len()).collect()
-    };
+    let stays = |k: &usize| is_told(k) || fate(*k) == Fate::AsIfTogether;
+    let used: Vec<usize> = (0..seen.len()).filter(stays).collect();
     let offset = |k: &usize| is_told(k).then(|| found[*k].seconds());
     let offsets = match told.len() {
         1 => vec![None; used.len()],
@@ -156,12 +344,13 @@ fn in_motion(
         1 => common_time::as_if_together(kept, OTHERWISE, notes)?,
         _ => common_time::by_times(kept, &shifts, OTHERWISE, notes)?,
     };
-    Ok(Together {
+    let together = Together {
         used,
         common,
         offsets,
         of_machine,
-    })
+    };
+    Ok((together, Way::Motion))
 }
 
 /// By how much each view started before the first one of which that can be told beside another; where it can be told of
@@ -201,8 +390,19 @@ fn by_motion(views: &[View], seen: &[ViewFile]) -> Vec<Offset> {
     nothing
 }
 
-/// What was found out, in words; whether the views are `apart` decides what becomes of one that is not told.
-fn said(offset: Offset, first: &str, camera: &str, apart: bool) -> String {
+/// What becomes of a view whose time cannot be told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fate {
+    /// It is taken to have started with the others.
+    AsIfTogether,
+    /// It is left out, as the others did not start together.
+    OthersApart,
+    /// It is left out: it is so much longer or shorter that it cannot have started and ended with the others.
+    OtherLength,
+}
+
+/// What was found out, in words; `fate` is that of a view of which it cannot be told.
+fn said(offset: Offset, first: &str, camera: &str, fate: Fate) -> String {
     let seconds = offset.seconds();
     let way = if seconds < 0.0 { "after" } else { "before" };
     let by = seconds.abs();
@@ -218,10 +418,63 @@ fn said(offset: Offset, first: &str, camera: &str, apart: bool) -> String {
         ),
         Offset::CannotTell => format!(
             "cannot tell when camera {camera} started beside {first}: nobody whom both see moves enough; {}",
-            match apart {
-                true => "left out, as others did not start together",
-                false => "taken as if together",
+            match fate {
+                Fate::AsIfTogether => "taken as if together",
+                Fate::OthersApart => "left out, as others did not start together",
+                Fate::OtherLength =>
+                    "left out, as it is not as long as the others, which are taken to have started together; give --sync times if it did so, too",
             }
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::Intrinsics;
+
+    /// Somebody in every frame, 30 a second from this one on.
+    fn view(name: &str, begin: u64, frames: u64) -> ViewFile {
+        let numbers: Vec<u64> = (begin..begin + frames).collect();
+        ViewFile {
+            name: name.to_owned(),
+            size: [1080, 1920],
+            intrinsics: Intrinsics::default(),
+            frames: vec![vec![Observation::default()]; numbers.len()],
+            times: numbers.iter().map(|n| n * 33_333_333).collect(),
+            numbers,
+            of_machine: false,
+        }
+    }
+
+    #[test]
+    fn why_a_view_that_is_held_out_may_not_be_measured_is_said() {
+        let views = ["a", "b", "c"].map(|name| View {
+            name: name.to_owned(),
+            ..View::around(0.0)
+        });
+        for (sync, (begin, frames), words, stays) in [
+            (Sync::None, (0, 90), None, true),
+            (
+                Sync::None,
+                (3, 90),
+                Some("camera c begins with picture 3"),
+                true,
+            ),
+            (Sync::None, (0, 300), Some("rate or length"), false),
+            (Sync::Times, (300, 90), Some("did not run"), false),
+            (Sync::Times, (30, 90), None, true),
+        ] {
+            let seen = vec![view("a", 0, 90), view("b", 0, 90), view("c", begin, frames)];
+            let mut notes = Vec::new();
+            let held = [false, false, true];
+            let together = bring_together((sync, None), &views, seen, &held, &mut notes);
+            let used = together.unwrap().used;
+            assert_eq!(used.contains(&2), stays, "{notes:?}");
+            match words {
+                Some(words) => assert!(notes.iter().any(|n| n.contains(words)), "{notes:?}"),
+                None => assert!(notes.is_empty(), "{notes:?}"),
+            }
+        }
     }
 }

@@ -11,12 +11,13 @@ use super::store::{self, Store};
 use glam::DVec3;
 
 use crate::body::mesh::{MeshBody, Skin};
+use crate::camera::View;
 use crate::commands::empty;
 use crate::commands::exit::Failure;
 use crate::counted::counted;
 use crate::export::{Axes, Format, MeshTrack, Take, encode, encode_meshes};
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
-use crate::multiview::{MultiviewFit, MultiviewReport, bodies, world};
+use crate::multiview::{MultiviewFit, MultiviewReport, ViewReport, bodies, world};
 use crate::npz::{self, Array, Values};
 use crate::output;
 use crate::record::{BodiesRow, Row};
@@ -108,7 +109,7 @@ pub fn run(
     let path = folder.beside().join(LINES);
     let written = File::create(&path).map(BufWriter::new);
     let written = written.and_then(|mut to| {
-        lines(&mut to, body, scene, fit, report)?;
+        lines(&mut to, scene, fit, report)?;
         to.flush()?;
         File::open(&path)
     });
@@ -215,19 +216,22 @@ pub fn without_mesh(fit: &MultiviewFit, chosen: &Chosen) -> Option<String> {
 
 fn lines(
     to: &mut impl Write,
-    body: &MeshBody,
     scene: &Scene,
     fit: &MultiviewFit,
     report: &MultiviewReport,
 ) -> io::Result<()> {
     let mut by_frame: Vec<Vec<Body>> = vec![Vec::new(); scene.frames.len()];
     for (person, line) in fit.people.iter().zip(&report.people) {
-        for (frame, b) in bodies(body, person, line.stature_m, scene.rate) {
+        for (frame, b) in bodies(person, line.stature_m, scene.rate) {
             by_frame[frame].push(b);
         }
     }
+    // Views that are only measured tell nothing.
+    let used = scene.views.iter().zip(&fit.weights);
+    let used = used.filter(|(_, weight)| **weight > 0.0);
+    let used: Vec<View> = used.map(|(view, _)| view.clone()).collect();
     let world = match scene.in_world {
-        true => world(&scene.views),
+        true => world(&used),
         false => World::default(),
     };
     for (k, people) in by_frame.iter().enumerate() {
@@ -302,8 +306,18 @@ fn obj(body: &MeshBody, f: &crate::multiview::PersonFrame) -> String {
     text
 }
 
-/// A view of whose sights fewer than one in so many are of somebody is doubted.
+/// A view that sees fewer than one in so many of those whom it should see is doubted.
 const FEW: usize = 10;
+
+/// Whether a view sees hardly anybody whom the others see, of those who stand in its picture; where nobody does, of all
+/// whom it tells of, as its calibration may be why. Bystanders behind them prove nothing.
+fn is_doubted(view: &ViewReport) -> bool {
+    let wanted = match view.shown {
+        0 => view.told,
+        shown => shown.min(view.told),
+    };
+    view.sights * FEW < wanted
+}
 
 /// The report for people.
 pub fn table(report: &MultiviewReport) -> String {
@@ -327,8 +341,7 @@ pub fn table(report: &MultiviewReport) -> String {
             match v.weight {
                 0.0 => "  held out",
                 w if w < 1.0 => "  disagrees with the others and counts less",
-                _ if v.sights * FEW < v.told =>
-                    "  sees hardly any of the others' people; check its place",
+                _ if is_doubted(v) => "  sees hardly any of the others' people; check its place",
                 _ => "",
             }
         );

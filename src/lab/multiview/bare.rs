@@ -62,7 +62,7 @@ impl Bare {
         };
         let mut posed = PosedTree::default();
         body.kinematics(&at_rest, &person, &mut posed);
-        let joints = body_joints(body, &posed).map(|j| j.as_vec3());
+        let joints = body_joints(&posed).map(|j| j.as_vec3());
         let rest = Skin::new(body, &person).rest().collect();
         let rest = Shell::new(rest, body.faces().to_vec());
         apart(&rest, &self.skin(&joints))

@@ -44,7 +44,7 @@ impl Walker {
             .iter()
             .map(|pose| {
                 body.kinematics(pose, &shape, &mut posed);
-                (evidence_joints(body, &posed), body_joints(body, &posed))
+                (evidence_joints(&posed), body_joints(&posed))
             })
             .unzip();
         Self {

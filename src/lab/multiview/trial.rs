@@ -136,7 +136,7 @@ impl Trial {
         };
         let (mut joints, mut aligned) = (0.0, 0.0);
         for f in &person.frames {
-            let own = evidence_joints(body, &f.body.posed).map(|p| p.to_array());
+            let own = evidence_joints(&f.body.posed).map(|p| p.to_array());
             let truth = self.joints[f.frame].map(|p| p.to_array());
             joints += mean_distance(&own, &truth);
             aligned += mean_distance(&align_similarity(&own, &truth), &truth);

@@ -243,15 +243,18 @@ mod tests {
     use super::*;
     use crate::fit::Appearance;
     use crate::message::Observation;
+    use crate::multiview::live::looks::Looks;
 
     /// Somebody whose clothes have one colour, missed for so long.
     fn person(id: u32, colour: usize, unseen: f64) -> Person {
         let mut seen = Observation::default();
         seen.hue[colour] = 1.0;
         seen.saturation[colour] = 1.0;
+        let mut looks = Looks::default();
+        looks.appearance = Appearance::new(&seen);
         Person {
             unseen,
-            looks: vec![Appearance::new(&seen)],
+            looks: vec![looks],
             ..Person::standing(id)
         }
     }

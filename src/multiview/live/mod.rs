@@ -9,6 +9,7 @@ mod build;
 mod confidence;
 mod energy;
 mod identity;
+mod looks;
 mod met;
 mod person;
 mod publish;
@@ -21,7 +22,7 @@ use std::collections::HashSet;
 use self::identity::Identities;
 use self::person::{Context, Person};
 use self::publish::write_body;
-use self::seen::Seen;
+use self::seen::{Seen, tell_alone};
 use super::groups::groups;
 use super::people::{Followed, Joints, closeness, reach, rejoin};
 use super::sight::Sight;
@@ -189,7 +190,9 @@ impl LiveFit {
         each.map(|(view, people)| {
             let people = people.iter().flatten();
             let usable = people.filter_map(|o| Seen::new(view, o, least));
-            usable.map(Some).collect()
+            let mut usable: Vec<Seen> = usable.collect();
+            tell_alone(&mut usable);
+            usable.into_iter().map(Some).collect()
         })
         .collect()
     }
@@ -245,7 +248,8 @@ impl LiveFit {
     /// What somebody's fit to a detection in a view is worth besides the place, 0–1.
     fn likeness(&self, person: &Person, view: usize, seen: &Seen) -> f32 {
         let known = if person.id == 0 { NEWCOMER } else { 1.0 };
-        let looks = person.looks[view].as_ref().zip(seen.looks.as_ref());
+        let looks = &person.looks[view].appearance;
+        let looks = looks.as_ref().zip(seen.looks.as_ref());
         let unlike = looks.map_or(0.0, |(a, b)| a.distance(b));
         let is_new_here = person.unseen > 0.0 || !person.seen_by[view];
         // Whoever was out of a view and comes back in other clothes is somebody else, unless two others saw where they

@@ -4,12 +4,13 @@ use glam::DVec3;
 
 use super::build::Build;
 use super::energy::{Solution, Targets, ViewTarget, solve};
+use super::looks::Looks;
 use super::met::{agree, mean_distance, meet, relative};
 use super::seen::Seen;
 use crate::body::skeleton::{LIMBS, Pose, Posed, Skeleton};
 use crate::camera::View;
 use crate::fit::{
-    Appearance, FitConfig, Motion, MotionModel, SEEN_THROUGH, WEIGHTS_3D, best_branch, first_pose,
+    FitConfig, Motion, MotionModel, SEEN_THROUGH, WEIGHTS_3D, best_branch, first_pose,
 };
 use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, DOF, EVIDENCE_JOINTS, PELVIS};
 use crate::message::JointState;
@@ -18,10 +19,11 @@ use crate::multiview::people::{is_body, reach};
 use crate::multiview::triangulate::Joints3d;
 use crate::solve::{Effort, Solver};
 
-/// Share of its E3D weight that a joint keeps which so many views see: none, one, more. Several views know where it is.
-const SHARE_3D: [f64; 3] = [0.35, 1.0, 0.1];
+/// Share of its E3D weight before one camera that a joint keeps which so many views see: none, one, more. Several views
+/// know where it is.
+const SHARE_3D: [f64; 3] = [0.2, 0.56, 0.056];
 /// The same of joints that no view sees by themselves: hands, tips of feet, middle of the head, spine.
-const HIDDEN_3D: f64 = 0.5;
+const HIDDEN_3D: f64 = 0.28;
 /// Standard deviation of an angle about rest, radians: only decides what nothing else does.
 const REST_SIGMA: f64 = 1.5;
 /// A limb is stuck where its joints lie so far from where rays meet, metres.
@@ -62,8 +64,8 @@ pub struct Person {
     pub motion: Motion,
     /// Bone lengths and stature.
     pub build: Build,
-    /// Remembered looks, one a view: cameras see colours differently.
-    pub looks: Vec<Option<Appearance>>,
+    /// Remembered looks, one a view.
+    pub looks: Vec<Looks>,
     /// Seconds, from instant to instant, for which three views or more have agreed about them, and two.
     pub proof: [f64; 2],
     /// Seconds since they were seen first.
@@ -101,7 +103,7 @@ impl Person {
             turn: DVec3::ZERO,
             motion: Motion::default(),
             build: Build::new(Skeleton::builtin(), &joints.points, cx.config.height),
-            looks: seen.iter().map(|s| s.as_ref()?.looks).collect(),
+            looks: seen.iter().map(|s| Looks::first(s.as_ref())).collect(),
             proof: [0.0; 2],
             age: 0.0,
             unseen: 0.0,
@@ -204,14 +206,9 @@ impl Person {
                 self.proof[usize::from(count < 3)] += dt;
             }
         }
+        let refresh = cx.config.identity.refresh;
         for (own, seen) in self.looks.iter_mut().zip(&seen) {
-            let Some(now) = seen.as_ref().and_then(|s| s.looks) else {
-                continue;
-            };
-            match own {
-                None => *own = Some(now),
-                Some(own) => own.blend(&now, (dt / 2.0).min(0.2) as f32),
-            }
+            own.pass(seen.as_ref(), dt, refresh);
         }
     }
 
@@ -225,13 +222,19 @@ impl Person {
         self.unseen += dt;
         self.apart += dt;
         self.states = [JointState::PREDICTED; BODY_JOINTS];
+        for own in &mut self.looks {
+            own.pass(None, dt, cx.config.identity.refresh);
+        }
     }
 
     /// Difference of looks to somebody else as a share of the `most` that one person has, over views whose looks tell
     /// people apart; `None` where none does.
     pub fn unlike(&self, other: &Self, most: f64) -> Option<f64> {
         let both = self.looks.iter().zip(&other.looks);
-        let each = both.filter_map(|(a, b)| a.as_ref()?.unlike(b.as_ref()?, most));
+        let each = both.filter_map(|(a, b)| {
+            let (a, b) = (a.appearance.as_ref()?, b.appearance.as_ref()?);
+            a.unlike(b, most)
+        });
         let (sum, count) = each.fold((0.0, 0), |(s, n), d| (s + d, n + 1));
         (count > 0).then(|| sum / f64::from(count))
     }
@@ -247,8 +250,8 @@ impl Person {
         self.proof[1] += gone;
         self.age = self.age.max(old.age);
         self.build = old.build;
-        for (own, old) in self.looks.iter_mut().zip(old.looks) {
-            *own = own.or(old);
+        for (own, old) in self.looks.iter_mut().zip(&old.looks) {
+            own.succeed(old);
         }
     }
 
@@ -315,7 +318,7 @@ impl Person {
         (self.pose, self.posed) = (found.pose, found.posed);
     }
 
-    /// Tries the closed form on limbs that lie far from where rays meet, and keeps what lowers the energy.
+    /// Tries the closed form on limbs that lie far from where rays meet, and keeps what brings them clearly nearer.
     fn free_limbs(
         &mut self,
         joints: &Joints3d,

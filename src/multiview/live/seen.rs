@@ -1,9 +1,9 @@
 //! What one view saw of somebody, ready for people in the world: rays, Stage II's joints turned to world axes, looks.
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::View;
-use crate::fit::Appearance;
+use crate::fit::{Appearance, Bounds, overlap};
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, MIRROR_BODY, PELVIS};
 use crate::message::Observation;
 use crate::multiview::exchange;
@@ -23,6 +23,8 @@ pub struct Seen {
     pub points3d: Option<[DVec3; BODY_JOINTS]>,
     /// Looks, where the torso was seen.
     pub looks: Option<Appearance>,
+    /// Nobody else whom the view sees stands before them, or behind.
+    pub alone: bool,
 }
 
 impl Seen {
@@ -40,7 +42,15 @@ impl Seen {
             sight,
             points3d: in_world(&view.rotation.transpose(), seen),
             looks: Appearance::new(seen),
+            alone: true,
         })
+    }
+
+    /// Box round the joints seen, on the plane z = 1.
+    fn bounds(&self) -> Bounds {
+        let places = self.sight.rays.iter().flatten().map(|r| r.plane);
+        let nowhere = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        places.fold(nowhere, |(low, high), p| (low.min(p), high.max(p)))
     }
 
     /// Heals limbs whose sides were exchanged, by the joints where they are expected. Returns how many of arms and legs
@@ -65,6 +75,15 @@ impl Seen {
             }
         }
         exchange::follow(view, &mut self.sight, &evidence)
+    }
+}
+
+/// Finds out who of those whom one view sees has nobody before them, and nobody behind.
+pub fn tell_alone(seen: &mut [Seen]) {
+    let boxes: Vec<Bounds> = seen.iter().map(Seen::bounds).collect();
+    for (k, seen) in seen.iter_mut().enumerate() {
+        let mut others = boxes.iter().enumerate().filter(|(other, _)| *other != k);
+        seen.alone = !others.any(|(_, other)| overlap(boxes[k], *other));
     }
 }
 

@@ -36,7 +36,7 @@ pub fn without_meaning(config: &FitConfig) -> Vec<&'static str> {
         birth_time,
         threshold,
         appearance_weight,
-        refresh,
+        refresh: _,
         sure_score,
         tentative_grace: _,
         grace: _,
@@ -60,7 +60,6 @@ pub fn without_meaning(config: &FitConfig) -> Vec<&'static str> {
             "identity.appearance_weight",
             *appearance_weight != all.appearance_weight,
         ),
-        ("identity.refresh", *refresh != all.refresh),
         ("identity.sure_score", *sure_score != all.sure_score),
     ];
     let other = unused.into_iter().filter(|(_, differs)| *differs);
@@ -76,7 +75,7 @@ mod tests {
         let named = |text: &str| without_meaning(&FitConfig::parse(text).unwrap());
         assert!(named("").is_empty());
         let used = "height = 1.8\nmin_joint_confidence = 0.1\n[prediction]\nmax = 0.2\n[terms]\nposition = 2\n\
-                    [identity]\nmemory = 5\ngrace = 0.3";
+                    [identity]\nmemory = 5\ngrace = 0.3\nrefresh = 10";
         assert!(named(used).is_empty());
         assert_eq!(
             named(

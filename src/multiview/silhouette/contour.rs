@@ -49,6 +49,22 @@ impl Mask {
     }
 }
 
+impl Mask {
+    /// Whether it has more values of people than one, or would have where more of them were to be seen: one that tells
+    /// what is unknown gives everybody a value of their own.
+    pub fn tells_people_apart(&self) -> bool {
+        if self.unknown.is_some() {
+            return true;
+        }
+        let mut people = self
+            .owners
+            .iter()
+            .filter(|o| **o != 0 && Some(**o) != self.unknown);
+        let first = people.next();
+        people.any(|o| Some(o) != first)
+    }
+}
+
 /// A point of a contour, on the plane z = 1 of the camera, the lens undone. Those of all frames of a person are held at
 /// once: in f32, which knows the plane to a hundredth of a pixel and better.
 #[derive(Debug, Clone, Copy, PartialEq)]
