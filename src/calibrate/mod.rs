@@ -39,8 +39,13 @@ const LEAST_FRAMES: usize = 20;
 const LEAST_USED: usize = LEAST_FRAMES - LEAST_FRAMES / HELD_OUT;
 
 /// So many times as tall as who counts somebody must be to be told of: the few frames of those who are seen seldom tell
-/// a height less well.
+/// a height less well. Tracks that differ by less may be of one person, who left and came back.
 const TALLER: f64 = 1.05;
+/// So far below the floor a camera may come out where people's own axis tells what is up, who may lean: metres, and for
+/// every metre that it stands away from them …
+const SUNK_BY_AXES: [f64; 2] = [0.3, 0.1];
+/// … and where feet, or a board that lies on it, tell the floor's slope.
+const SUNK_BY_FEET: [f64; 2] = [0.1, 0.02];
 
 /// How well one view agrees.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
@@ -58,7 +63,7 @@ pub struct ViewQuality {
     pub far_percent: f64,
     /// Sights of people whom another view could have seen as well, and that went with no other view's, %.
     pub alone_percent: f64,
-    /// Height of the camera above the floor, metres.
+    /// Height of the camera above the floor, metres; a little below 0 where the floor came out tilted.
     pub height_m: f64,
 }
 
@@ -129,7 +134,7 @@ pub enum CalibrateError {
         "expected camera {0} to see somebody whom two placed cameras see at the same time, found too little; leave the view out, or record again"
     )]
     NotLinked(String),
-    /// Cameras came out below the floor.
+    /// Cameras came out farther below the floor than it may be tilted.
     #[error(
         "expected cameras above the floor, found {0} {1:.2} m below it; people must stand or walk, feet in view"
     )]
@@ -143,7 +148,8 @@ pub enum CalibrateError {
 
 /// Finds the cameras. `lenses` are views whose place and direction say nothing yet; `frames` what each saw, frame by
 /// frame, made by [`Sight::new`] with any pose; `rate` frames a second; `stature` the height of the tallest of those
-/// who are seen at least half as long as whoever is seen most, metres, which gives the room its size.
+/// who are seen at least half as long as the longest stay of anybody, visits of one height together, metres, which
+/// gives the room its size.
 ///
 /// # Errors
 /// [`CalibrateError`]: what was missing.
@@ -167,7 +173,7 @@ pub fn calibrate(
         for sigma in SIGMAS {
             let tracks = people(lenses, &cameras, &used, rate)?;
             refine(&mut cameras, &tracks, sigma);
-            let size = size(lenses, &cameras, &tracks)?;
+            let size = Sizes::new(lenses, &cameras, &tracks).of_room()?;
             rescale(&mut cameras, 1.0 / size);
         }
         let tracks = people(lenses, &cameras, &used, rate)?;
@@ -249,10 +255,11 @@ fn stand(
     stature: f64,
 ) -> Result<Room, CalibrateError> {
     let tracks = people(lenses, &cameras, frames, rate)?;
-    let size = size(lenses, &cameras, &tracks)?;
-    rescale(&mut cameras, 1.0 / size);
-    rescale(&mut cameras, stature / f64::from(CANONICAL_STATURE));
-    let taller = taller(lenses, &cameras, &tracks, stature);
+    let sizes = Sizes::new(lenses, &cameras, &tracks);
+    let size = sizes.of_room()?;
+    rescale(&mut cameras, stature / f64::from(CANONICAL_STATURE) / size);
+    let taller = sizes.tallest_followed().map(|other| stature * other / size);
+    let taller = taller.filter(|metres| *metres > TALLER * stature);
     let joints: Vec<world::Joints> = tracks
         .iter()
         .flat_map(|t| joints(lenses, &cameras, t))
@@ -260,7 +267,8 @@ fn stand(
     let floor = world::floor(&joints, stature).ok_or(CalibrateError::NoSize)?;
     let cameras = world::upright(&cameras, &floor).ok_or(CalibrateError::NoSize)?;
     let views = placed(lenses, &cameras);
-    if let Some(v) = views.iter().find(|v| v.position.z < 0.0) {
+    let is_sunk = |v: &&View| is_sunk(v.position, floor.by_feet);
+    if let Some(v) = views.iter().find(is_sunk) {
         return Err(CalibrateError::UnderFloor(v.name.clone(), -v.position.z));
     }
     Ok(Room {
@@ -334,30 +342,65 @@ fn joints(lenses: &[View], cameras: &[Pose], track: &Track) -> Vec<world::Joints
     all.collect()
 }
 
-/// Size of the tallest of those who are seen often, as a share of the canonical one.
-fn size(lenses: &[View], cameras: &[Pose], tracks: &[Track]) -> Result<f64, CalibrateError> {
-    let is_often = is_often(tracks);
-    let often = tracks.iter().filter(|t| is_often(t));
-    let sizes = often.filter_map(|t| world::size(&joints(lenses, cameras, t)));
-    sizes.max_by(f64::total_cmp).ok_or(CalibrateError::NoSize)
+/// Whether a camera at `position`, world, is farther below the floor than this may be tilted; `by_slope` says whether
+/// feet or a board told its slope.
+fn is_sunk(position: DVec3, by_slope: bool) -> bool {
+    let [most, share] = match by_slope {
+        true => SUNK_BY_FEET,
+        false => SUNK_BY_AXES,
+    };
+    position.z < -(most + share * position.truncate().length())
 }
 
-/// Who is seen at least half as long as whoever is seen most.
-fn is_often(tracks: &[Track]) -> impl Fn(&Track) -> bool {
-    let most = tracks.iter().map(|t| t.moments.len()).max().unwrap_or(0);
-    move |track| 2 * track.moments.len() >= most
+/// How tall people of tracks are. Whoever leaves and comes back has several tracks, of about one size.
+struct Sizes {
+    /// Shares of the canonical size, the greatest first, and the frames of the track.
+    all: Vec<(f64, Vec<usize>)>,
+    /// Frames of the longest track, whether or not it tells a size.
+    longest: usize,
 }
 
-/// Height of the tallest of those who are seen more seldom, metres, where it is clearly more than `stature`. `cameras`
-/// are where they are, in metres.
-fn taller(lenses: &[View], cameras: &[Pose], tracks: &[Track], stature: f64) -> Option<f64> {
-    let is_often = is_often(tracks);
-    let others = tracks
-        .iter()
-        .filter(|t| !is_often(t) && t.moments.len() >= LEAST_FRAMES);
-    let sizes = others.filter_map(|t| world::size(&joints(lenses, cameras, t)));
-    let tallest = f64::from(CANONICAL_STATURE) * sizes.max_by(f64::total_cmp)?;
-    Some(tallest).filter(|metres| *metres > TALLER * stature)
+impl Sizes {
+    fn new(lenses: &[View], cameras: &[Pose], tracks: &[Track]) -> Self {
+        let one = |track: &Track| {
+            let size = world::size(&joints(lenses, cameras, track))?;
+            Some((size, track.moments.iter().map(|m| m.0).collect()))
+        };
+        let mut all: Vec<(f64, Vec<usize>)> = tracks.iter().filter_map(one).collect();
+        all.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let longest = tracks.iter().map(|t| t.moments.len()).max().unwrap_or(0);
+        Self { all, longest }
+    }
+
+    /// In how many frames somebody of this size is seen, or of up to [`TALLER`] times as much: two at one time count
+    /// as one.
+    fn frames(&self, size: f64) -> usize {
+        let alike = |other: f64| (size..=TALLER * size).contains(&other);
+        let tracks = self.all.iter().filter(|(other, _)| alike(*other));
+        let mut frames: Vec<usize> = tracks.flat_map(|(_, frames)| frames).copied().collect();
+        frames.sort_unstable();
+        frames.dedup();
+        frames.len()
+    }
+
+    /// The greatest size of which somebody is seen in at least `least` frames.
+    fn tallest(&self, least: usize) -> Option<f64> {
+        let mut sizes = self.all.iter().map(|(size, _)| *size);
+        sizes.find(|size| self.frames(*size) >= least)
+    }
+
+    /// The size that gives the room its own: the greatest of those that are seen at least half as long as the longest
+    /// track. Several people may be of one size, so that what one of them adds up to is no measure of the others.
+    fn of_room(&self) -> Result<f64, CalibrateError> {
+        let tallest = self.tallest(self.longest.div_ceil(2));
+        tallest.ok_or(CalibrateError::NoSize)
+    }
+
+    /// The greatest size of a track of [`LEAST_FRAMES`] or more: shorter ones may be of nobody, also several.
+    fn tallest_followed(&self) -> Option<f64> {
+        let is_long = |(_, frames): &&(f64, Vec<usize>)| frames.len() >= LEAST_FRAMES;
+        self.all.iter().find(is_long).map(|(size, _)| *size)
+    }
 }
 
 fn rescale(cameras: &mut [Pose], factor: f64) {

@@ -9,7 +9,7 @@ use super::pose::Pose;
 use super::relative::{Pair, Relative, off, relative, turned};
 use super::resect::{Seen, resect};
 use super::turn::{Lifted, turns};
-use super::{CalibrateError, people, refine, rescale, size, world};
+use super::{CalibrateError, Sizes, people, refine, rescale, world};
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
 use crate::multiview::{Detections, Sight, Track};
@@ -266,7 +266,7 @@ impl Placed<'_> {
         for _ in 0..2 {
             let tracks = people(&lenses, &self.poses, &frames, self.rate)?;
             refine(&mut self.poses, &tracks, SIGMA);
-            let size = size(&lenses, &self.poses, &tracks)?;
+            let size = Sizes::new(&lenses, &self.poses, &tracks).of_room()?;
             rescale(&mut self.poses, 1.0 / size);
         }
         people(&lenses, &self.poses, &frames, self.rate)

@@ -289,6 +289,117 @@ fn somebody_taller_who_is_seen_too_seldom_to_count_is_told_of() {
     }
 }
 
+/// A track ends where somebody leaves: each visit is shorter than half of what the other one is seen.
+#[test]
+fn who_leaves_and_comes_back_is_counted_as_one() {
+    let views = room();
+    let mut frames = film_of(150, &views, &[1.5, 1.78], &EXACT);
+    for (_, frame) in frames.iter_mut().enumerate().filter(|f| f.0 % 50 >= 35) {
+        frame.iter_mut().for_each(|all| all.truncate(1));
+    }
+    let room = calibrate(&lenses(&views), &frames, 10.0, 1.78).unwrap();
+    assert_eq!(room.taller, None);
+    let (degrees, metres) = errors(&room.views, &views);
+    assert!(degrees < 1.0 && metres < 0.08, "{degrees}° {metres} m");
+}
+
+#[test]
+fn sizes_that_are_about_one_count_together() {
+    let sizes = |all: &[(f64, std::ops::Range<usize>)]| Sizes {
+        all: all
+            .iter()
+            .map(|(size, at)| (*size, at.clone().collect()))
+            .collect(),
+        longest: all.iter().map(|(_, at)| at.len()).max().unwrap_or(0),
+    };
+    // One track that measures too much, three visits of somebody, and who is seen all the time.
+    let one = sizes(&[
+        (1.06, 0..30),
+        (1.04, 30..90),
+        (1.03, 130..190),
+        (1.02, 230..290),
+        (0.7, 0..300),
+    ]);
+    assert_eq!(one.of_room(), Ok(1.03));
+    assert_eq!(one.tallest(150), Some(1.03));
+    assert_eq!(one.tallest(30), Some(1.06));
+    assert_eq!(one.tallest_followed(), Some(1.06));
+    // Two at one time are not seen twice as long.
+    assert_eq!(sizes(&[(1.01, 0..80), (1.0, 0..80)]).frames(1.0), 80);
+    // Nor are two who differ one.
+    assert_eq!(sizes(&[(1.1, 0..40), (1.0, 40..80)]).tallest(60), None);
+    // Three of one height who walk through one after another take the word from nobody who stays as long as each.
+    let in_turn = sizes(&[
+        (1.95, 0..60),
+        (1.7, 60..120),
+        (1.7, 120..180),
+        (1.7, 180..240),
+    ]);
+    assert_eq!(in_turn.of_room(), Ok(1.95));
+    // Several scraps are no person who was followed.
+    let scraps = sizes(&[(1.3, 0..15), (1.3, 40..55), (1.0, 0..80)]);
+    assert_eq!(scraps.tallest_followed(), Some(1.0));
+}
+
+/// What is up, only somebody tells who leans to one side: there the floor comes out above a camera that stands low.
+#[test]
+fn a_camera_that_stands_low_may_come_out_a_little_below_the_floor() {
+    let target = DVec3::new(0.0, 0.0, 0.9);
+    let views = [
+        ("north", DVec3::new(1.6, 4.2, 1.5)),
+        ("south", DVec3::new(1.3, -4.3, 1.5)),
+        ("low", DVec3::new(-4.5, 0.0, 0.15)),
+    ]
+    .map(|(name, at)| looking(name, at, target));
+    let noise = Noise {
+        jitter: 1.0,
+        exchanged: 0.0,
+        lifted: Some(0.02),
+    };
+    let mut random = SmallRng::seed_from_u64(7);
+    let lean = DMat3::from_rotation_y(5_f64.to_radians());
+    let frames: Vec<_> = (0..80)
+        .map(|k| {
+            let upright = strider(f64::from(k) / 10.0, 1.7, DVec3::ZERO, 0.4);
+            let leaning = upright.map(|joint| joint.map(|p| lean * p));
+            seen(&views, &[leaning], &noise, &mut random)
+        })
+        .collect();
+    let room = calibrate(&lenses(&views), &frames, 10.0, 1.7).unwrap();
+    assert!(!room.floor_by_feet);
+    let height = room.quality[2].height_m;
+    assert!((-0.75..0.0).contains(&height), "{height}");
+    // Below what a tilt explains there is no camera.
+    for (z, by_feet, wanted) in [
+        (-0.5, false, false),
+        (-0.9, false, true),
+        (-0.15, true, false),
+        (-0.5, true, true),
+    ] {
+        let camera = DVec3::new(-4.5, 0.0, z);
+        assert_eq!(is_sunk(camera, by_feet), wanted, "{z} {by_feet}");
+    }
+}
+
+/// One camera looks up at people from clearly below what they walk on.
+#[test]
+fn a_camera_below_the_floor_is_refused() {
+    let mut views = room();
+    let target = DVec3::new(0.3, 0.2, 0.9);
+    views[3] = looking("west", DVec3::new(-4.4, -0.4, -1.2), target);
+    let lifting = Noise {
+        lifted: Some(0.02),
+        ..EXACT
+    };
+    let frames = film(&views, &[1.8], &lifting);
+    let error = calibrate(&lenses(&views), &frames, 10.0, 1.8).unwrap_err();
+    let CalibrateError::UnderFloor(camera, metres) = &error else {
+        panic!("{error}");
+    };
+    assert_eq!(camera, "west");
+    assert!((metres - 1.2).abs() < 0.1, "{metres}");
+}
+
 /// A view names two people the other way round than the others do.
 #[test]
 fn the_order_in_which_a_view_names_people_does_not_matter() {

@@ -7,7 +7,7 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 pub enum CameraError {
     /// The file cannot be read.
-    #[error("{file}: {source}; check the path and its permissions")]
+    #[error("{file}: {source}; {}", remedy(.source))]
     Read {
         /// The file.
         file: String,
@@ -57,6 +57,15 @@ impl CameraError {
             file: path.display().to_string(),
             source,
         }
+    }
+}
+
+/// What to do about a file that cannot be read.
+fn remedy(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::FileTooLarge => "check that it is the right file",
+        io::ErrorKind::InvalidData => "check that it is the right file, saved as text in UTF-8",
+        _ => "check the path and its permissions",
     }
 }
 

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use super::exit::Failure;
 use super::input::InputArgs;
 use super::outputs::RecordArgs;
+use crate::camera::calibration;
 use crate::capture::{InputSpec, is_photo};
 use crate::config::Setting;
 use crate::output::{is_stdout, link_steps};
@@ -80,10 +81,22 @@ impl Apart {
         }
     }
 
-    /// A calibration, where it is given and no folder: those hold results, too.
+    /// A calibration, where it is given; of a folder, which may hold results, too, the files that tell cameras.
     #[must_use]
     pub fn reads_calibration(self, path: Option<&Path>) -> Self {
-        self.may_read("--calibration", path.filter(|path| path.is_file()))
+        let Some(path) = path else {
+            return self;
+        };
+        self.may_read("--calibration", Some(path).filter(|path| path.is_file()))
+            .reads_cameras_in("--calibration", path)
+    }
+
+    /// The files of a folder that tell cameras; nothing of what is no folder.
+    #[must_use]
+    pub fn reads_cameras_in(self, option: &str, folder: &Path) -> Self {
+        entries(folder)
+            .filter(|file| calibration::is_of_folder(file))
+            .fold(self, |apart, file| apart.reads(option, &file))
     }
 
     /// What a run sees, and the files of its lens.
@@ -274,6 +287,28 @@ mod tests {
             ("photos", "photos/new.jsonl"),
         ] {
             assert!(!refused(from, to), "{from} {to}");
+        }
+    }
+
+    #[test]
+    fn files_of_a_calibration_that_is_a_folder_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let files = ["intri.yml", "cam01.yaml", "cameras.txt", "images.txt"];
+        for name in files.iter().chain(&["seen.jsonl"]) {
+            fs::write(at(name), "of the time before").unwrap();
+        }
+        let refused = |to: &str| {
+            let to = at(to);
+            let of_lens = Apart::default().reads_cameras_in("--lens", folder.path());
+            let of_places = Apart::default().reads_calibration(Some(folder.path()));
+            [of_lens, of_places].map(|apart| apart.writes("--out", &to).check().is_err())
+        };
+        for name in files {
+            assert_eq!(refused(name), [true; 2], "{name}");
+        }
+        for name in ["seen.jsonl", "new.yml"] {
+            assert_eq!(refused(name), [false; 2], "{name}");
         }
     }
 

@@ -32,7 +32,8 @@ pub enum BoardError {
     },
     /// Corners are not where any lens of the model has them.
     #[error(
-        "camera {camera}: expected corners within {limit:.1} px of where a lens with Brown's distortion shows them, found them {px:.1} px off: a fisheye lens, whose pictures must be undistorted first, or a board that is not flat or another one"
+        "camera {camera}: expected corners within {limit:.1} px of where a lens with Brown's distortion shows them, found them {px:.1} px off: a fisheye lens, whose pictures must be undistorted first, or a board that is not flat or another one{}",
+        or_lens(*.is_given)
     )]
     Lens {
         /// The camera.
@@ -41,6 +42,8 @@ pub enum BoardError {
         px: f64,
         /// What was allowed, pixels.
         limit: f64,
+        /// Whether its lens was given.
+        is_given: bool,
     },
     /// Nothing links a camera to the others.
     #[error(
@@ -49,7 +52,8 @@ pub enum BoardError {
     NotLinked(String),
     /// Cameras contradict each other.
     #[error(
-        "camera {camera}: expected common pictures that agree within {limit:.1} px, found {px:.1} px; pictures of one name must be of one moment, and the board must not move meanwhile"
+        "camera {camera}: expected common pictures that agree within {limit:.1} px, found {px:.1} px; pictures of one name must be of one moment, and the board must not move meanwhile{}",
+        or_lens(*.is_given)
     )]
     Apart {
         /// The camera.
@@ -58,13 +62,31 @@ pub enum BoardError {
         px: f64,
         /// What was allowed, pixels.
         limit: f64,
+        /// Whether the lens of one of the cameras was given.
+        is_given: bool,
+    },
+    /// Cameras saw the board that tells the floor in several places.
+    #[error(
+        "expected the board on the floor in one place in picture {picture}, within {limit:.1} px by all cameras, found {}; it must not move until all have taken the picture: name another, or take it again{}",
+        all_off(.off),
+        or_lens(*.is_given)
+    )]
+    Floor {
+        /// The picture that tells the floor.
+        picture: String,
+        /// Cameras that saw it, and how far its corners are off, root mean square, pixels.
+        off: Vec<(String, f64)>,
+        /// What was allowed, pixels.
+        limit: f64,
+        /// Whether the lens of one of the cameras was given.
+        is_given: bool,
     },
     /// The picture that tells the floor shows no board, or one that contradicts the others.
     #[error(
         "expected the board on the floor in picture {0} of some camera, found none that goes with the other pictures; name another, or take it again"
     )]
     NoFloor(String),
-    /// A camera came out below the floor.
+    /// A camera came out farther below the floor than the board on it may be tilted.
     #[error(
         "expected cameras above the floor, found {camera} {metres:.2} m below it; in picture {picture} the board must lie on the floor, face up"
     )]
@@ -76,4 +98,19 @@ pub enum BoardError {
         /// The picture that tells the floor.
         picture: String,
     },
+}
+
+/// What else may be wrong where a lens was given.
+fn or_lens(is_given: bool) -> &'static str {
+    match is_given {
+        true => ", or a lens given by --lens is not its camera's at this zoom",
+        false => "",
+    }
+}
+
+/// How far corners are off in the pictures of these cameras.
+fn all_off(all: &[(String, f64)]) -> String {
+    let one = |(camera, px): &(String, f64)| format!("{px:.1} px off in camera {camera}");
+    let each: Vec<String> = all.iter().map(one).collect();
+    each.join(", ")
 }

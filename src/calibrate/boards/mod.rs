@@ -19,6 +19,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 pub use error::{BoardError, LEAST_PICTURES};
 
+use super::is_sunk;
 use super::pose::Pose;
 use crate::board::Corner;
 use crate::camera::View;
@@ -139,7 +140,7 @@ pub fn calibrate_by_board(
         strays: BTreeMap::new(),
     };
     if cameras.len() > 1 {
-        rig.agree(floor)?;
+        rig.agree(moments, floor)?;
     }
     rig.finish(&apart, moments, floor, &singles)
 }
@@ -197,6 +198,7 @@ fn alone(camera: &Shots, pictures: &[Corners]) -> Result<Single, BoardError> {
             camera: camera.name.clone(),
             px,
             limit: allowed(camera),
+            is_given: camera.lens.is_some(),
         });
     }
     // A focal length that pictures do not tell comes out as anything, also with corners where they belong.
@@ -253,8 +255,9 @@ impl Whole<'_> {
         all
     }
 
-    /// Adjusts all cameras at once, and puts pictures aside that contradict the others.
-    fn agree(&mut self, floor: Option<usize>) -> Result<(), BoardError> {
+    /// Adjusts all cameras at once, and puts pictures aside that contradict the others. `floor` is the moment that
+    /// tells the floor, `moments` are the names of all.
+    fn agree(&mut self, moments: &[String], floor: Option<usize>) -> Result<(), BoardError> {
         self.adjust();
         let mut off: Vec<(usize, usize, f64)> = Vec::new();
         let seen = self.seen();
@@ -269,7 +272,9 @@ impl Whole<'_> {
                 }
             }
         }
-        let far = limit(&off.iter().map(|o| o.2).collect::<Vec<_>>());
+        // What tells the floor is judged by the others.
+        let others = || off.iter().filter(|o| Some(o.1) != floor);
+        let far = limit(&others().map(|o| o.2).collect::<Vec<_>>());
         let shared = |m: &usize| self.sights.iter().filter(|s| s[*m].is_some()).count() > 1;
         let links = off.iter().filter(|(_, m, _)| shared(m));
         let links: Vec<(usize, bool, f64)> = links.map(|(c, _, px)| (*c, *px > far, *px)).collect();
@@ -282,10 +287,24 @@ impl Whole<'_> {
                     camera: camera.name.clone(),
                     px: median(apart),
                     limit: far.min(allowed(camera)),
+                    is_given: self.is_given(),
                 });
             }
         }
-        let strays = off.iter().filter(|o| o.2 > far && Some(o.1) != floor);
+        // What tells the floor no other picture can replace: it may be as far off as its own camera's pictures are.
+        let may_be_off = |camera: usize, moment: usize| {
+            let own = others().filter(|o| o.0 == camera).map(|o| o.2);
+            match Some(moment) == floor {
+                true => far.max(limit(&own.collect::<Vec<_>>())),
+                false => far,
+            }
+        };
+        if let Some(floor) = floor {
+            let sights = off.iter().filter(|o| o.1 == floor);
+            let sights: Vec<_> = sights.map(|o| (o.0, o.2, may_be_off(o.0, floor))).collect();
+            self.check_floor(&moments[floor], &sights)?;
+        }
+        let strays: Vec<_> = off.iter().filter(|o| o.2 > may_be_off(o.0, o.1)).collect();
         let mut aside = false;
         for (camera, moment, px) in strays {
             self.sights[*camera][*moment] = None;
@@ -306,10 +325,35 @@ impl Whole<'_> {
                     camera: camera.name.clone(),
                     px: if px.is_nan() { far } else { px },
                     limit: allowed(camera),
+                    is_given: self.is_given(),
                 });
             }
         }
         Ok(())
+    }
+
+    /// Whether the lens of one of the cameras was given.
+    fn is_given(&self) -> bool {
+        self.cameras.iter().any(|camera| camera.lens.is_some())
+    }
+
+    /// Whether cameras had the board that tells the floor in one place, or most of them, two at least: of two nobody
+    /// knows for which one it had moved. `sights`: by camera, how far corners are off and may be, pixels.
+    fn check_floor(&self, picture: &str, sights: &[(usize, f64, f64)]) -> Result<(), BoardError> {
+        let apart = sights.iter().filter(|(_, px, limit)| px > limit).count();
+        // What one camera alone saw, no other one contradicts.
+        if apart == 0 || sights.len() < 2 || sights.len() - apart > apart.max(1) {
+            return Ok(());
+        }
+        let off = sights
+            .iter()
+            .map(|(c, px, _)| (self.cameras[*c].name.clone(), *px));
+        Err(BoardError::Floor {
+            picture: picture.to_owned(),
+            off: off.collect(),
+            limit: sights.iter().map(|s| s.2).fold(0.0, f64::max),
+            is_given: self.is_given(),
+        })
     }
 
     fn forget_unseen(&mut self) {
@@ -376,7 +420,7 @@ impl Whole<'_> {
         if let Some(base) = self.base(moments, floor)? {
             for (pose, camera) in poses.iter_mut().zip(self.cameras) {
                 *pose = on_board(*pose, &base);
-                if let Some(floor) = floor.filter(|_| pose.position.z < 0.0) {
+                if let Some(floor) = floor.filter(|_| is_sunk(pose.position, true)) {
                     return Err(BoardError::UnderFloor {
                         camera: camera.name.clone(),
                         metres: -pose.position.z,

@@ -159,6 +159,74 @@ fn a_picture_of_another_board_is_put_aside() {
     }
 }
 
+/// One camera takes the picture that tells the floor after the board was moved there.
+#[test]
+fn a_floor_that_cameras_contradict_is_said_or_outvoted() {
+    let all = boards(12, 1.0);
+    let (cameras, moments) = seen(&all, 0.1);
+    let mut moved = all[0];
+    moved.position += DVec3::new(0.05, 0.03, 0.0);
+    let mut random = SmallRng::seed_from_u64(4);
+    let late = shots(&room()[1], &[moved], 0.1, &mut random)
+        .shots
+        .remove(0);
+    let with_late = |of: &[usize]| -> Vec<Shots> {
+        let mut some: Vec<Shots> = of.iter().map(|c| cameras[*c].clone()).collect();
+        some[1].shots[0] = late.clone();
+        some
+    };
+    let error = refused(&with_late(&[0, 1]), &moments);
+    let BoardError::Floor { off, .. } = &error else {
+        panic!("{error}");
+    };
+    assert_eq!(off.len(), 2);
+    let said = error.to_string();
+    for word in ["picture 0", "south", "east", "px"] {
+        assert!(said.contains(word), "{said}");
+    }
+    // Of three, two tell.
+    let three = with_late(&[0, 1, 2]);
+    let rig = calibrate_by_board(&three, &moments, SQUARE, Some(0)).unwrap();
+    let aside = |c: usize| rig.quality[c].aside.iter().map(|a| a.0).collect::<Vec<_>>();
+    assert_eq!([aside(0), aside(1), aside(2)], [vec![], vec![0], vec![]]);
+    for (found, truth) in rig.views.iter().zip(room()) {
+        let off = found.position.distance(truth.position);
+        assert!(off < 0.005, "{}: {off} m", found.name);
+    }
+}
+
+/// As of a zoom lens that was calibrated at another zoom.
+#[test]
+fn a_lens_that_was_given_is_doubted() {
+    let (mut cameras, moments) = seen(&boards(12, 1.0), 0.1);
+    cameras.truncate(2);
+    for (camera, truth) in cameras.iter_mut().zip(room()) {
+        camera.lens = Some(truth);
+    }
+    for wrong in [0, 1] {
+        let mut given = cameras.clone();
+        if let Some(lens) = &mut given[wrong].lens {
+            lens.focal *= 0.4;
+        }
+        let said = refused(&given, &moments).to_string();
+        assert!(said.contains("given by --lens"), "{said}");
+    }
+    // By its own pictures alone such a lens may do.
+    for wrong in [0, 1] {
+        let mut given = cameras.clone();
+        if let Some(lens) = &mut given[wrong].lens {
+            lens.focal *= 0.55;
+        }
+        let error = refused(&given, &moments);
+        let BoardError::Apart { camera, .. } = &error else {
+            panic!("{error}");
+        };
+        assert_eq!(*camera, given[wrong].name);
+        let said = error.to_string();
+        assert!(said.contains("given by --lens"), "{said}");
+    }
+}
+
 #[test]
 fn pictures_put_aside_do_not_tell_how_far_boards_reach() {
     let (cameras, _) = seen(&boards(12, 1.0), 0.1);
@@ -250,23 +318,31 @@ fn what_boards_do_not_tell_is_said() {
         }
     }
     let error = refused(&late, &moments);
+    let said = error.to_string();
     let BoardError::Apart { limit, .. } = error else {
         panic!("{error}");
     };
     assert!(limit <= allowed(&late[0]), "{limit}");
+    assert!(!said.contains("--lens"), "{said}");
 
     let (mut unseen, moments) = seen(&boards(12, 1.0), 0.1);
     for camera in &mut unseen {
         camera.shots.remove(0);
     }
     assert_eq!(refused(&unseen, &moments), BoardError::NoFloor("0".into()));
+}
 
-    // A board on a stand, behind which the third camera is.
+/// Of a board on a stand, which is taken for the floor: seen by the first camera alone, straight or turned by `turn`
+/// radians away from the third one.
+fn on_stand(turn: f64) -> Result<Rig, BoardError> {
+    let (_, moments) = seen(&boards(12, 1.0), 0.1);
     let mut stand = boards(12, 1.0);
     let facing = room()[0].rotation.transpose();
+    let rotation = facing * DMat3::from_rotation_y(-turn);
+    let middle = room()[0].position + facing * DVec3::new(0.0, 0.0, 0.28);
     stand[0] = Placement {
-        rotation: facing,
-        position: room()[0].position + facing * DVec3::new(-0.12, -0.075, 0.28),
+        rotation,
+        position: middle - rotation * DVec3::new(4.0, 2.5, 0.0) * SQUARE,
     };
     let mut random = SmallRng::seed_from_u64(3);
     let mut cameras = vec![shots(&room()[0], &stand, 0.1, &mut random)];
@@ -275,8 +351,21 @@ fn what_boards_do_not_tell_is_said() {
         others.shots.iter_mut().for_each(|s| s.moment += 1);
         cameras.push(others);
     }
-    let error = refused(&cameras, &moments);
-    assert!(matches!(error, BoardError::UnderFloor { .. }), "{error}");
+    calibrate_by_board(&cameras, &moments, SQUARE, Some(0))
+}
+
+/// As one that stands on the floor does where the board lay a little tilted.
+#[test]
+fn a_camera_may_come_out_a_little_below_the_board_s_plane() {
+    let rig = on_stand(0.0).unwrap();
+    let low = rig.views[2].position.z;
+    assert!((-0.1..0.0).contains(&low), "{low}");
+    let error = on_stand(0.3).unwrap_err();
+    let BoardError::UnderFloor { camera, metres, .. } = &error else {
+        panic!("{error}");
+    };
+    assert_eq!(camera, "west");
+    assert!((0.25..0.35).contains(metres), "{metres}");
 }
 
 /// Where a fisheye lens shows a board close to it: as far from the centre as the angle is large.

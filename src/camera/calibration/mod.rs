@@ -89,6 +89,11 @@ impl Calibration {
     }
 }
 
+/// COLMAP's files of a folder.
+const COLMAP: [&str; 2] = ["cameras.txt", "images.txt"];
+/// Endings of OpenCV's and EasyMocap's.
+const YAML: [&str; 2] = ["yml", "yaml"];
+
 /// What is wanted of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Want {
@@ -132,9 +137,12 @@ fn of_file(path: &Path, want: Want) -> Result<Calibration, CameraError> {
                 Want::Lenses => read_intri(&inner, &name)?,
             });
         }
-        let (cameras, images) = (path.join("cameras.txt"), path.join("images.txt"));
+        let [cameras, images] = COLMAP.map(|name| path.join(name));
         if cameras.exists() {
-            return checked(read_colmap(&text(&cameras)?, &text(&images)?, &name)?);
+            // Programs write it, with every point of every image.
+            let images = bounded::read_text(&images, bounded::DATA)
+                .map_err(|e| CameraError::read(&images, e))?;
+            return checked(read_colmap(&text(&cameras)?, &images, &name)?);
         }
         return checked(read_folder(path, &name, want)?);
     }
@@ -159,6 +167,12 @@ fn of_file(path: &Path, want: Want) -> Result<Calibration, CameraError> {
         Format::OpenCv => checked(vec![one_camera(path, &content, want)?]),
         Format::OtherStorage(kind) => Err(other_storage(&name, kind)),
     }
+}
+
+/// Whether [`read`] looks at a file of this name in a folder.
+pub fn is_of_folder(file: &Path) -> bool {
+    let is_named = |name: &&str| file.file_name().is_some_and(|own| own == *name);
+    ends(file, &YAML) || COLMAP.iter().any(is_named)
 }
 
 /// Whether a file is TOML with the camera matrix of some camera, as no `camera.toml` has one: so it is meant for a
@@ -187,7 +201,7 @@ fn format(text: &str) -> Format {
         Format::Qtm
     } else if start.starts_with('{') && text.contains("opencv-matrix") {
         Format::OtherStorage("JSON")
-    } else if start.starts_with("%YAML") || text.contains("!!opencv-matrix") {
+    } else if start.starts_with("%YAML") || storage::holds_matrix(text) {
         Format::OpenCv
     } else {
         Format::Pose2Sim
@@ -214,16 +228,18 @@ fn one_camera(path: &Path, content: &str, want: Want) -> Result<View, CameraErro
     }
 }
 
+/// Whether a file's name ends in one of these.
+fn ends(path: &Path, endings: &[&str]) -> bool {
+    let own = path.extension().and_then(|e| e.to_str());
+    own.is_some_and(|e| endings.contains(&e))
+}
+
 /// One OpenCV file a camera, by name.
 fn read_folder(path: &Path, name: &str, want: Want) -> Result<Vec<View>, CameraError> {
     let entries = fs::read_dir(path).map_err(|e| CameraError::read(path, e))?;
     let mut all: Vec<_> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
     all.sort();
-    let ends = |path: &Path, ends: &[&str]| {
-        let own = path.extension().and_then(|e| e.to_str());
-        own.is_some_and(|e| ends.contains(&e))
-    };
-    let files: Vec<_> = all.iter().filter(|p| ends(p, &["yml", "yaml"])).collect();
+    let files: Vec<_> = all.iter().filter(|p| ends(p, &YAML)).collect();
     if files.is_empty() {
         // OpenCV writes any of three formats, by the ending.
         for file in all.iter().filter(|p| ends(p, &["xml", "json"])) {

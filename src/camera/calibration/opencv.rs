@@ -201,12 +201,21 @@ fn easymocap(
     let side = |of: &str| inner.number(&[&key(of)]).filter(|s| *s > 0.0);
     let told = side("W").zip(side("H"));
     let (rotation, translation) = place()?;
+    let coefficients = [key("dist"), key("D")];
+    let distortion = inner.numbers(&coefficients.each_ref().map(String::as_str));
+    if let Some(unknown) = coefficients.iter().find(|name| inner.is_set(name))
+        && distortion.is_none()
+    {
+        return Err(format!(
+            "camera {name} with {unknown}, which is not understood; give its coefficients as numbers: k1 k2 p1 p2 k3"
+        ));
+    }
     let mut view = Parts {
         name,
         size: told.map_or([1.0; 2], |(w, h)| [w, h]),
         focal,
         centre,
-        distortion: inner.numbers(&[&key("dist"), &key("D")]).unwrap_or(&[]),
+        distortion: distortion.unwrap_or(&[]),
         rotation,
         translation,
     }

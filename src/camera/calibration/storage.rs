@@ -4,6 +4,13 @@ use std::collections::BTreeMap;
 
 /// Most numbers of a matrix.
 const MOST: usize = 1 << 16;
+/// What stands before a matrix, and, since OpenCV 5, before an array of one dimension.
+const MATRICES: [&str; 2] = ["!!opencv-matrix", "!!opencv-nd-matrix"];
+
+/// Whether a matrix of OpenCV's is in a text.
+pub(super) fn holds_matrix(text: &str) -> bool {
+    MATRICES.iter().any(|kind| text.contains(kind))
+}
 
 /// What stands under a name.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,7 +94,7 @@ fn top_level(line: &str) -> Option<(&str, &str)> {
 }
 
 fn node(body: &str) -> Option<Node> {
-    let data = match body.contains("!!opencv-matrix") {
+    let data = match holds_matrix(body) {
         true => body.split_once("data:")?.1,
         false => body,
     };

@@ -143,6 +143,50 @@ fn opencv_and_easymocap_tell_the_same_cameras() {
     }
 }
 
+/// An array of one dimension as OpenCV 5 writes it.
+fn array(name: &str, numbers: &[f64]) -> String {
+    let all: Vec<String> = numbers.iter().map(ToString::to_string).collect();
+    format!(
+        "{name}: !!opencv-nd-matrix\n   sizes: [ {} ]\n   dt: d\n   data: [ {} ]\n",
+        numbers.len(),
+        all.join(", ")
+    )
+}
+
+#[test]
+fn arrays_of_one_dimension_are_understood() {
+    let view = &ring(1)[0];
+    let (k, d) = lens(view);
+    let turn = glam::DQuat::from_mat3(&view.rotation).to_scaled_axis();
+    let shift = -(view.rotation * view.position);
+    let text = [
+        "%YAML 1.2\n---\nimage_width: 1088\nimage_height: 1920\n".to_owned(),
+        matrix("camera_matrix", 3, &k),
+        array("distortion_coefficients", &d),
+        array("rvec", &turn.to_array()),
+        array("tvec", &shift.to_array()),
+    ];
+    close(
+        &read_opencv(&text.concat(), "cam00", "c.yml").unwrap(),
+        view,
+    );
+    let intri = |distortion: String| {
+        let sizes = "W_cam00: 1088\nH_cam00: 1920\n".to_owned();
+        let names = "%YAML 1.2\n---\nnames:\n   - \"cam00\"\n".to_owned();
+        [names, matrix("K_cam00", 3, &k), distortion, sizes].concat()
+    };
+    let extri = array("R_cam00", &turn.to_array()) + &array("T_cam00", &shift.to_array());
+    let read = |distortion: String| read_easymocap(&intri(distortion), &extri, "folder");
+    close(&read(array("dist_cam00", &d)).unwrap()[0], view);
+    // Without its distortion the lens would be another.
+    for name in ["dist_cam00", "D_cam00"] {
+        let rows = format!("{name}: [ [ -0.3, 0.1, 0., 0., 0. ] ]\n");
+        let said = read(rows).unwrap_err().to_string();
+        assert!(said.contains(&format!("cam00 with {name},")), "{said}");
+    }
+    assert_eq!(read(String::new()).unwrap()[0].distortion, Brown::default());
+}
+
 #[test]
 fn colmap_counts_pixels_from_their_corner() {
     let mut views = ring(2);
@@ -186,6 +230,41 @@ fn colmap_counts_pixels_from_their_corner() {
         .unwrap_err()
         .to_string();
     assert!(error.contains("OPENCV_FISHEYE"), "{error}");
+}
+
+/// Programs write a line with every point of an image, and no end of them.
+#[test]
+fn images_of_many_points_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let points = "1234.56 1234.56 -1 ".repeat((bounded::SETTINGS >> 4) as usize);
+    assert!(points.len() as u64 > bounded::SETTINGS);
+    let camera = "1 PINHOLE 1088 1920 1680 1684 533.5 948.5\n";
+    let images = format!("1 1 0 0 0 0 0 3 1 a.jpg\n{points}\n2 1 0 0 0 1 0 3 1 b.jpg\n\n");
+    fs::write(at("cameras.txt"), camera).unwrap();
+    fs::write(at("images.txt"), images).unwrap();
+    let views = read(folder.path()).unwrap().views;
+    assert_eq!([&views[0].name, &views[1].name], ["a", "b"]);
+}
+
+#[test]
+fn files_that_are_no_settings_are_said_to_be_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("Calib.toml");
+    let says = || read(&file).unwrap_err().to_string();
+    fs::write(&file, b"\xff\xfe[\0c\0a\0m\0").unwrap();
+    let said = says();
+    assert!(
+        said.contains("UTF-8") && !said.contains("permissions"),
+        "{said}"
+    );
+    let large = fs::File::create(&file).unwrap();
+    large.set_len(bounded::SETTINGS + 1).unwrap();
+    let said = says();
+    assert!(
+        said.contains("right file") && !said.contains("permissions"),
+        "{said}"
+    );
 }
 
 #[test]

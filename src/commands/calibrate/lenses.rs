@@ -39,7 +39,7 @@ impl Lenses {
     /// Reads what `--lens` names, for these cameras.
     ///
     /// # Errors
-    /// When a file cannot be read, is for no camera, or two are for the same.
+    /// When a file cannot be read, is for no camera, lacks one that it is for, or two are for the same.
     pub fn read(given: &[String], cameras: &[(String, PathBuf)]) -> anyhow::Result<Self> {
         let mut known = Vec::new();
         for (camera, file) in of_cameras(given, cameras)? {
@@ -64,7 +64,14 @@ impl Lenses {
             };
             known.push((camera.map(ToOwned::to_owned), lens));
         }
-        Ok(Self { known })
+        let lenses = Self { known };
+        // Before films are looked at, which takes minutes.
+        for (name, _) in cameras {
+            if let Some(Lens::Calibrated { views, path, .. }) = lenses.lens(name) {
+                of_camera(views, name, path).map_err(Failure::data)?;
+            }
+        }
+        Ok(lenses)
     }
 
     /// How many times as large the distortion of a camera's lens may be meant as its file has it, where nobody knows.
@@ -121,16 +128,7 @@ impl Lenses {
             None => plain(name, size, &CameraFile::default()),
             Some(Lens::File(file)) => plain(name, size, file),
             Some(Lens::Calibrated { views, path, .. }) => {
-                let own = views.iter().find(|v| v.name == name);
-                let view = match (own, &views[..]) {
-                    (Some(view), _) | (None, [view]) => view,
-                    _ => {
-                        return Err(format!(
-                            "{}: expected camera {name}, found none of this name",
-                            path.display()
-                        ));
-                    }
-                };
+                let view = of_camera(views, name, path)?;
                 let fitting = view.for_pictures(size).ok_or_else(|| {
                     let [width, height] = view.likely_size();
                     format!(
@@ -148,6 +146,21 @@ impl Lenses {
                 })
             }
         }
+    }
+}
+
+/// The camera of this name in the calibration `path`, or the only one there, whatever it is called.
+///
+/// # Errors
+/// One line when several have other names.
+fn of_camera<'a>(views: &'a [View], name: &str, path: &Path) -> Result<&'a View, String> {
+    let own = views.iter().find(|v| v.name == name);
+    match (own, views) {
+        (Some(view), _) | (None, [view]) => Ok(view),
+        _ => Err(format!(
+            "{}: expected camera {name}, found none of this name",
+            path.display()
+        )),
     }
 }
 

@@ -14,6 +14,7 @@ use super::apart::Apart;
 use super::exit::Failure;
 use super::multiview::{named as one_named, told};
 use super::say;
+use super::threads::ThreadsArgs;
 use crate::board::Board;
 use crate::camera::View;
 use crate::camera::calibration::{check, read_pose2sim, write_doubtful, write_measured};
@@ -46,8 +47,8 @@ pub struct CalibrateArgs {
     /// [default: that of the record; of a film a field of view of 60 degrees]
     #[arg(long, value_name = "[CAMERA=]FILE")]
     pub lens: Vec<String>,
-    /// Height of the tallest person of those who are seen at least half as long as whoever is seen most, metres: it
-    /// gives the room its size
+    /// Height of the tallest person of those who are seen at least half as long as the longest stay of anybody, visits
+    /// of one height together, metres: it gives the room its size
     #[arg(long, value_name = "METRES", value_parser = stature)]
     pub stature: Option<f64>,
     /// Distance between two cameras, as in left,right=3.2; it gives the room its size, more exactly than a height
@@ -60,8 +61,12 @@ pub struct CalibrateArgs {
     /// --camera' and --lens read it
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
+    #[command(flatten)]
+    pub threads: ThreadsArgs,
 }
 
+/// A camera that comes out less far below the floor is not spoken of, metres: it stands on it.
+const ON_FLOOR: f64 = 0.05;
 /// How tall somebody may be, metres.
 const STATURES: RangeInclusive<f64> = 0.5..=2.6;
 
@@ -99,16 +104,16 @@ pub fn calibrate(args: &CalibrateArgs) -> anyhow::Result<()> {
         apart = apart.reads("--view", file);
     }
     for lens in &args.lens {
-        let file = told(lens).map_or(lens.as_str(), |(_, file)| file);
-        apart = apart.reads("--lens", file.as_ref());
+        let file = Path::new(told(lens).map_or(lens.as_str(), |(_, file)| file));
+        apart = apart.reads("--lens", file).reads_cameras_in("--lens", file);
     }
     apart.check()?;
     // Before films are looked at, which takes minutes.
     output::try_place(&args.out).map_err(|e| Failure::output(&args.out, &e))?;
-    match &args.board {
+    args.threads.run(|| match &args.board {
         Some(board) => boards::by_board(args, *board, &files),
         None => people::by_people(args, &files),
-    }
+    })
 }
 
 /// Names and files of `NAME=FILE`, or of files that are called like their camera.
@@ -261,8 +266,14 @@ mod tests {
             // As QTM would have it, -0.19.
             view.distortion.radial[0] = -0.003;
         }
-        std::fs::write(at("other.toml"), write_pose2sim(&cameras)).unwrap();
-        std::fs::write(at("own.toml"), write_measured(&cameras)).unwrap();
+        let third = View {
+            name: "c".into(),
+            position: DVec3::X * 2.0,
+            ..cameras[0].clone()
+        };
+        let of_three = [&cameras[..], &[third]].concat();
+        std::fs::write(at("other.toml"), write_pose2sim(&of_three)).unwrap();
+        std::fs::write(at("own.toml"), write_measured(&of_three)).unwrap();
         let given = |lens: &str, of: &str| format!("{of}={}", at(lens).display());
         let all = ["a", "b", "c"].map(|name| (name.to_owned(), PathBuf::from("none")));
         for (of, has_both) in [("b", false), ("a", false), ("c", false), ("both", true)] {

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use super::lenses::{Lenses, folded, is_usual};
-use super::{CalibrateArgs, STATURES, report, write};
+use super::{CalibrateArgs, ON_FLOOR, STATURES, report, write};
 use crate::calibrate::{CalibrateError, Room, ViewQuality, calibrate as find};
 use crate::camera::{DEFAULT_FOV, View};
 use crate::capture::is_photo;
@@ -51,7 +51,8 @@ const OTHERWISE: &str = "give files of one time, or --fps if frames belong toget
 /// What gives the room its size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Scale {
-    /// Height of the tallest of those who are seen at least half as long as whoever is seen most, metres.
+    /// Height of the tallest of those who are seen at least half as long as the longest stay of anybody, visits of one
+    /// height together, metres.
     Stature(f64),
     /// Distance between two cameras, by number, metres.
     Distance(usize, usize, f64),
@@ -79,7 +80,8 @@ impl Scale {
 ///
 /// # Errors
 /// When a file cannot be read, views do not go together, too little was seen of anybody, or `--distance` makes people
-/// of a size that nobody has; where a film could be seen in part alone, after the cameras are written.
+/// of a size that nobody has, after what was found on the way is said; where a film could be seen in part alone, after
+/// the cameras are written.
 pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::Result<()> {
     if files.len() < 2 {
         return Err(Failure::usage(format!(
@@ -99,8 +101,37 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     }
     let lenses = Lenses::read(&args.lens, files)?;
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    let mut notes = Vec::new();
-    let scale = scale(args, &names, &mut notes)?;
+    let (mut assumed, mut notes) = (Vec::new(), Vec::new());
+    let scale = scale(args, &names, &mut assumed)?;
+    let found = placed(args, files, &lenses, scale, &mut notes);
+    if found.is_err() {
+        // Of a room that is not there.
+        assumed.clear();
+    }
+    for note in assumed.iter().chain(&notes) {
+        say::err(note);
+    }
+    let (room, are_whole) = found?;
+    if args.distance.is_some() && !STATURES.contains(&room.stature) {
+        return Err(impossible(room.stature).into());
+    }
+    write(&args.out, &room.views, &lenses)?;
+    let told = report(&args.out, &table(&room));
+    // Places are of what could be read of a film; what is wrong with it has been said.
+    match are_whole {
+        true => told,
+        false => Err(Failure::silent(exit::DATA).into()),
+    }
+}
+
+/// The room by the people in these files, and whether all films could be read; `notes` gets what there is to say.
+fn placed(
+    args: &CalibrateArgs,
+    files: &[(String, PathBuf)],
+    lenses: &Lenses,
+    scale: Scale,
+    notes: &mut Vec<String>,
+) -> anyhow::Result<(Room, bool)> {
     let (mut seen, mut views, mut unknown) = (Vec::new(), Vec::new(), Vec::new());
     let mut are_whole = true;
     for (name, file) in files {
@@ -125,11 +156,11 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
         views.push(view);
         seen.push(read);
     }
-    notes.extend(guessed(&unknown, names.len()));
+    notes.extend(guessed(&unknown, files.len()));
     notes.extend(views.iter().filter_map(folded));
     let is_one_clock = args.fps.is_none() && seen.iter().all(|s| s.of_machine);
     if args.fps.is_none() {
-        ViewFile::put_in_order(&mut seen, &mut notes);
+        ViewFile::put_in_order(&mut seen, notes);
         expect_no_other_start(is_one_clock, &seen, "--fps")?;
         notes.extend(
             seen.iter()
@@ -139,74 +170,57 @@ pub fn by_people(args: &CalibrateArgs, files: &[(String, PathBuf)]) -> anyhow::R
     }
     let timed = args.fps.is_none() && seen.iter().all(ViewFile::tells_times);
     let is_by_clock = timed && is_one_clock;
-    let is_of_films = timed && !is_by_clock;
     let mut said = Vec::new();
-    let found = if is_of_films {
+    let found = if timed && !is_by_clock {
         // Places are not known yet by which what moves would tell the time between films.
-        let common = about_together(seen.clone(), MOST_APART, OTHERWISE, &mut said)?;
-        let together = (common, said);
-        Found::of_films(&seen, &views, together, scale.stature(), &mut notes).map_err(refused)?
+        Found::of_films(&seen, &views, scale.stature(), notes, &mut said)
+    } else if timed {
+        let shifts = by_clock(&seen);
+        by_times(seen, &shifts, OTHERWISE, &mut said)
+            .and_then(|common| Found::new(&views, common, scale.stature()).map_err(refused))
     } else {
-        let common = if timed {
-            let shifts = by_clock(&seen);
-            by_times(seen, &shifts, OTHERWISE, &mut said)?
-        } else {
-            notes.extend(ViewFile::begin_apart(seen.iter()));
-            by_number(args.fps, seen, &mut said)?
-        };
-        Found::new(&views, common, scale.stature(), said).map_err(refused)?
+        notes.extend(ViewFile::begin_apart(seen.iter()));
+        by_number(args.fps, seen, &mut said)
+            .and_then(|common| Found::new(&views, common, scale.stature()).map_err(refused))
     };
-    let Found { room, said, .. } = found;
-    let room = scale.of(room);
     notes.extend(said);
+    let room = scale.of(found?.room);
+    notes.extend(doubts(args, &room, is_by_clock));
+    Ok((room, are_whole))
+}
+
+/// What to say of a room that is found.
+fn doubts(args: &CalibrateArgs, room: &Room, is_by_clock: bool) -> Vec<String> {
+    let mut notes = Vec::new();
     if !room.floor_by_feet {
         notes.push(
             "feet were in one place: the floor is level as people hold themselves; walk about for a slope".into(),
         );
     }
+    notes.extend(room.quality.iter().filter_map(sunk));
     notes.extend(
         args.stature
             .zip(room.taller)
             .map(|(given, taller)| too_seldom(given, taller)),
     );
-    let doubts = (0..room.quality.len()).filter_map(|v| doubt(&room.quality, v, is_by_clock));
-    notes.extend(doubts);
-    let is_possible = args.distance.is_none() || STATURES.contains(&room.stature);
+    notes.extend((0..room.quality.len()).filter_map(|v| doubt(&room.quality, v, is_by_clock)));
+    let is_possible = STATURES.contains(&room.stature);
     if args.distance.is_some() && is_possible && !USUAL_STATURES.contains(&room.stature) {
         notes.push(unusual(room.stature));
     }
-    for note in &notes {
-        say::err(note);
-    }
-    if !is_possible {
-        return Err(impossible(room.stature).into());
-    }
-    write(&args.out, &room.views, &lenses)?;
-    let told = report(&args.out, &table(&room));
-    // Places are of what could be read of a film; what is wrong with it has been said.
-    match are_whole {
-        true => told,
-        false => Err(Failure::silent(exit::DATA).into()),
-    }
+    notes
 }
 
 /// Cameras by views that were brought to one time.
 struct Found {
     room: Room,
     common: Common,
-    /// What was said of the views' times.
-    said: Vec<String>,
 }
 
 impl Found {
-    fn new(
-        lenses: &[View],
-        common: Common,
-        stature: f64,
-        said: Vec<String>,
-    ) -> Result<Self, CalibrateError> {
+    fn new(lenses: &[View], common: Common, stature: f64) -> Result<Self, CalibrateError> {
         let room = find(lenses, &sights(lenses, &common), common.rate, stature)?;
-        Ok(Self { room, common, said })
+        Ok(Self { room, common })
     }
 
     fn worth(&self) -> f64 {
@@ -214,22 +228,23 @@ impl Found {
     }
 
     /// The cameras by films at the time at which rays meet best, where that is better than as if they had started
-    /// together, which `together` is, with what was said of it.
+    /// together. `notes` gets which films did not, `said` what there is to say of the views' times then.
     fn of_films(
         seen: &[ViewFile],
         lenses: &[View],
-        together: (Common, Vec<String>),
         stature: f64,
         notes: &mut Vec<String>,
-    ) -> Result<Self, CalibrateError> {
-        let shifts = Search::new(seen, lenses, &together.0, stature).shifts();
-        let together = Self::new(lenses, together.0, stature, together.1);
+        said: &mut Vec<String>,
+    ) -> anyhow::Result<Self> {
+        let common = about_together(seen.to_vec(), MOST_APART, OTHERWISE, said)?;
+        let shifts = Search::new(seen, lenses, &common, stature).shifts();
+        let together = Self::new(lenses, common, stature).map_err(refused);
         if shifts.iter().all(|s| *s == 0.0) {
             return together;
         }
-        let mut said = Vec::new();
-        let common = by_times(seen.to_vec(), &shifts, OTHERWISE, &mut said);
-        let other = common.ok().map(|c| Self::new(lenses, c, stature, said));
+        let mut said_then = Vec::new();
+        let common = by_times(seen.to_vec(), &shifts, OTHERWISE, &mut said_then);
+        let other = common.ok().map(|c| Self::new(lenses, c, stature));
         let Some(Ok(other)) = other else {
             return together;
         };
@@ -238,6 +253,7 @@ impl Found {
         {
             return together;
         }
+        *said = said_then;
         for (view, seconds) in seen.iter().zip(&shifts).filter(|s| *s.1 != 0.0) {
             let way = if *seconds < 0.0 { "after" } else { "before" };
             notes.push(format!(
@@ -370,7 +386,7 @@ impl<'a> Search<'a> {
         let common = by_times(self.seen.clone(), &shifts, OTHERWISE, &mut Vec::new());
         let found = common.ok().map(|common| {
             let common = common.thinned(self.stride);
-            Found::new(self.lenses, common, self.stature, Vec::new())
+            Found::new(self.lenses, common, self.stature)
         });
         let worth = match found {
             Some(Ok(found)) => found.worth(),
@@ -440,10 +456,20 @@ fn doubt(all: &[ViewQuality], view: usize, is_by_clock: bool) -> Option<String> 
     ))
 }
 
+/// What to say of a camera that came out a little below the floor.
+fn sunk(view: &ViewQuality) -> Option<String> {
+    (view.height_m < -ON_FLOOR).then(|| {
+        format!(
+            "camera {}: found {:.2} m below the floor, which came out tilted: let somebody walk about, feet in view, on both sides of the room",
+            view.name, -view.height_m
+        )
+    })
+}
+
 /// What to say of somebody who measures `taller` metres where `--stature` is `given`, which is of others.
 fn too_seldom(given: f64, taller: f64) -> String {
     format!(
-        "somebody who is seen less than half as long as whoever is seen most measures {taller:.2} m: --stature {given} was taken for the tallest of the others; if it is this one's, let them stay in view"
+        "somebody who is seen less than half as long as the longest stay of anybody measures {taller:.2} m: --stature {given} was taken for the tallest of the others; if it is this one's, let them stay in view"
     )
 }
 
@@ -579,6 +605,24 @@ mod tests {
             let said = doubt(view(rms, far, alone), true).unwrap();
             assert!(!said.contains("films"), "{said}");
         }
+    }
+
+    #[test]
+    fn a_camera_on_the_floor_is_not_below_it() {
+        let at = |height_m| ViewQuality {
+            name: "low".into(),
+            sights: 100,
+            rms_px: 2.0,
+            held_out_rms_px: None,
+            far_percent: 0.0,
+            alone_percent: 0.0,
+            height_m,
+        };
+        for height in [0.1, 0.0, -0.003] {
+            assert_eq!(sunk(&at(height)), None, "{height}");
+        }
+        let said = sunk(&at(-0.12)).unwrap();
+        assert!(said.contains("camera low: found 0.12 m below"), "{said}");
     }
 
     #[test]

@@ -5,7 +5,9 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use crate::board::{Board, Corner, Finder};
-use crate::capture::{self, CaptureError, Frame, InputSpec, OpenOptions, Source};
+use crate::capture::{
+    self, CaptureError, Frame, InputSpec, OpenOptions, Orientation, PhotoSource, Source,
+};
 use crate::commands::exit::Failure;
 use crate::commands::progress;
 
@@ -15,6 +17,8 @@ const FILM_RATE: f64 = 2.0;
 const SLACK: f64 = 1e-6;
 /// Endings of photos' names; what else follows a dot is a name's own.
 const ENDINGS: [&str; 5] = ["jpg", "jpeg", "jpe", "jfif", "png"];
+/// Why a damaged picture is refused.
+const UNREADABLE: &str = "cannot be read";
 /// More refused pictures than this are told by their reasons.
 const MOST_LINES: usize = 8;
 
@@ -28,7 +32,7 @@ pub struct Picture {
 }
 
 /// What a camera's pictures show.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Pictures {
     /// Pixels across and down.
     pub size: [u32; 2],
@@ -38,16 +42,33 @@ pub struct Pictures {
     pub found: Vec<Picture>,
     /// Moments without it, and why.
     pub refused: Vec<(String, String)>,
+    /// Why nothing behind the last picture could be read, of a film that is damaged or cut off.
+    broken_off: Option<String>,
+    /// What is wrong with the first picture of a film that could not be read, looked at or not.
+    damaged: Option<String>,
+    /// The first picture with the board, and how it was turned upright.
+    first: Option<(String, Orientation)>,
 }
 
 impl Pictures {
-    /// Looks at every photo of a folder, or at two pictures a second of a film.
+    /// Looks at every photo of a folder, or at two pictures a second of a film, which may be cut off.
     ///
     /// # Errors
-    /// When there are no pictures, they have several sizes, two with the board are of one moment, or none shows it.
+    /// When there are no pictures, they have several sizes, two with the board are of one moment or were turned
+    /// differently, or none shows it.
     pub fn read(camera: &str, path: &Path, board: &Board) -> anyhow::Result<Self> {
         let finder = Finder::new(board).map_err(Failure::usage)?;
-        let source = capture::open(&InputSpec::Path(path.into()), &OpenOptions::default())?;
+        if path.is_dir() {
+            let mut photos = PhotoSource::folder(path, None)?;
+            return Self::of(
+                camera,
+                &mut photos,
+                PhotoSource::orientation,
+                board,
+                &finder,
+            );
+        }
+        let mut source = capture::open(&InputSpec::Path(path.into()), &OpenOptions::default())?;
         if source.is_live() {
             return Err(Failure::usage(format!(
                 "expected photos or a film of camera {camera}, found the camera {}; record it first",
@@ -55,41 +76,47 @@ impl Pictures {
             ))
             .into());
         }
-        Self::of(camera, source, board, &finder)
+        let as_stored = Orientation::default();
+        Self::of(camera, &mut *source, |_| as_stored, board, &finder)
     }
 
-    fn of(
+    /// `turned` tells how the source's newest picture was turned upright.
+    fn of<S: Source + ?Sized>(
         camera: &str,
-        mut source: Box<dyn Source>,
+        source: &mut S,
+        turned: impl Fn(&S) -> Orientation,
         board: &Board,
         finder: &Finder,
     ) -> anyhow::Result<Self> {
         let mut film = None;
         let bar = progress::bar(source.frame_count().unwrap_or(0), camera);
-        let mut read = Self {
-            size: [0; 2],
-            count: 0,
-            found: Vec::new(),
-            refused: Vec::new(),
-        };
+        let mut read = Self::default();
         let mut frame = Frame::default();
         for number in 0_u64.. {
-            let next = next_into(&mut *source, &mut frame);
+            let next = next_into(source, &mut frame);
             // A pipe's rate comes before its first picture.
-            let film = film.get_or_insert_with(|| Moments::of(&*source));
+            let film = film.get_or_insert_with(|| Moments::of(source));
             match next {
                 Ok(false) => break,
                 Ok(true) => {
                     let time_ns = Some(frame.time_ns);
-                    if let Some(moment) = moment(film, &*source, number, time_ns) {
-                        read.look(camera, &frame, moment, finder)?;
+                    if let Some(moment) = moment(film, source, number, time_ns) {
+                        read.look(camera, &frame, turned(source), moment, finder)?;
                     }
                 }
                 Err(e) if e.is_skippable() => {
-                    if let Some(moment) = moment(film, &*source, number, None) {
-                        read.count += 1;
-                        read.refused.push((moment, "cannot be read".into()));
+                    if !source.is_stills() {
+                        read.damaged.get_or_insert_with(|| e.to_string());
                     }
+                    if let Some(moment) = moment(film, source, number, None) {
+                        read.count += 1;
+                        read.refused.push((moment, UNREADABLE.into()));
+                    }
+                }
+                // What was seen of it tells the lens as well as that of a shorter one.
+                Err(e @ CaptureError::Data { .. }) if !read.found.is_empty() => {
+                    read.broken_off = Some(e.to_string());
+                    break;
                 }
                 Err(e) => return Err(e.into()),
             }
@@ -111,10 +138,16 @@ impl Pictures {
         &mut self,
         camera: &str,
         frame: &Frame,
+        turned: Orientation,
         moment: String,
         finder: &Finder,
     ) -> anyhow::Result<()> {
         let size = [frame.width, frame.height];
+        let found = finder.find(&frame.rgb, size);
+        if found.is_ok() {
+            // Before sizes, which a quarter turn exchanges.
+            self.expect_turn(camera, turned, &moment)?;
+        }
         if self.count == 0 || self.size == [0; 2] {
             self.size = size;
         } else if self.size != size {
@@ -125,7 +158,7 @@ impl Pictures {
             .into());
         }
         self.count += 1;
-        match finder.find(&frame.rgb, size) {
+        match found {
             Ok(_) if self.found.iter().any(|p| p.moment == moment) => {
                 return Err(Failure::data(format!(
                     "camera {camera}: expected one picture called {moment} that shows the board, found several, which differ in their ending only; rename or leave out all but one"
@@ -136,6 +169,42 @@ impl Pictures {
             Err(miss) => self.refused.push((moment, miss.to_string())),
         }
         Ok(())
+    }
+
+    /// Fails where a picture with the board was turned upright otherwise than the first one.
+    fn expect_turn(
+        &mut self,
+        camera: &str,
+        turned: Orientation,
+        moment: &str,
+    ) -> Result<(), Failure> {
+        let new = || (moment.to_owned(), turned);
+        let (first, as_first) = self.first.get_or_insert_with(new);
+        if *as_first == turned {
+            return Ok(());
+        }
+        Err(Failure::data(format!(
+            "camera {camera}: expected photos that are all turned the same way by their EXIF orientation, found {first} {} and {moment} {}: a lens is turned with its pictures; take them all one way up",
+            told_turn(*as_first),
+            told_turn(turned)
+        )))
+    }
+
+    /// Whether all pictures could be read.
+    pub fn are_whole(&self) -> bool {
+        let is_read = |(_, reason): &(String, String)| reason != UNREADABLE;
+        let is_film_whole = self.broken_off.is_none() && self.damaged.is_none();
+        is_film_whole && self.refused.iter().all(is_read)
+    }
+
+    /// Why nobody knows whether there is a picture of this moment: it lies behind what could be read of a film.
+    pub fn lacks(&self, moment: &str) -> Option<&str> {
+        let reason = self.broken_off.as_deref()?;
+        let at = seconds(moment)?;
+        let looked_at = self.found.iter().map(|p| &p.moment);
+        let looked_at = looked_at.chain(self.refused.iter().map(|(moment, _)| moment));
+        let last = looked_at.filter_map(|m| seconds(m)).fold(0.0, f64::max);
+        (at > last).then_some(reason)
     }
 
     /// Reasons, the most frequent first, and their pictures.
@@ -149,7 +218,8 @@ impl Pictures {
         all
     }
 
-    /// A line for every picture without the board, or for every reason where they are many.
+    /// A line for every picture without the board, or for every reason where they are many; more for a film that is
+    /// damaged or cut off.
     pub fn told(&self, camera: &str) -> Vec<String> {
         let one = |(reason, moments): (&str, Vec<&str>)| {
             let more = moments.len().saturating_sub(MOST_LINES);
@@ -163,12 +233,33 @@ impl Pictures {
                 named.join(", ")
             )
         };
-        self.reasons().into_iter().map(one).collect()
+        let damaged = self.damaged.as_ref().map(|reason| {
+            format!("{reason}; of camera {camera} only the pictures that can be read are looked at")
+        });
+        let lacking = self.broken_off.as_ref().map(|reason| {
+            format!("{reason}; of camera {camera} only the pictures before that are looked at")
+        });
+        let refused = self.reasons().into_iter().map(one);
+        refused.chain(damaged).chain(lacking).collect()
+    }
+}
+
+/// What was done to a photo so that it is upright.
+fn told_turn(how: Orientation) -> &'static str {
+    match how {
+        Orientation::Upright => "as it is stored",
+        Orientation::MirroredAcross => "mirrored left to right",
+        Orientation::HalfTurn => "turned by half",
+        Orientation::MirroredDown => "mirrored top to bottom",
+        Orientation::Transposed => "with rows for columns",
+        Orientation::QuarterClockwise => "turned clockwise",
+        Orientation::Transversed => "with rows for columns and turned by half",
+        Orientation::QuarterCounterClockwise => "turned counter-clockwise",
     }
 }
 
 /// The next picture, as [`Source::next_into`], however long the writer of a pipe takes for it.
-fn next_into(source: &mut dyn Source, frame: &mut Frame) -> Result<bool, CaptureError> {
+fn next_into(source: &mut (impl Source + ?Sized), frame: &mut Frame) -> Result<bool, CaptureError> {
     loop {
         match source.next_into(frame) {
             Err(CaptureError::NoPictureYet { .. }) => {}
@@ -181,7 +272,7 @@ fn next_into(source: &mut dyn Source, frame: &mut Frame) -> Result<bool, Capture
 /// film.
 fn moment(
     film: &mut Option<Moments>,
-    source: &dyn Source,
+    source: &(impl Source + ?Sized),
     number: u64,
     time_ns: Option<u64>,
 ) -> Option<String> {
@@ -205,6 +296,11 @@ fn without_ending(path: &Path) -> Option<String> {
     name.map(|name| name.to_string_lossy().into_owned())
 }
 
+/// When a moment of a film is by its name, seconds; `None` of photos.
+fn seconds(moment: &str) -> Option<f64> {
+    moment.strip_suffix('s')?.parse().ok()
+}
+
 /// The moments of a film, by the times of its pictures: films of phones have no even rate, others repeat pictures.
 struct Moments {
     /// Seconds between two pictures, as far as the rate tells.
@@ -219,7 +315,7 @@ struct Moments {
 
 impl Moments {
     /// `None` of photos, which have no rate.
-    fn of(source: &dyn Source) -> Option<Self> {
+    fn of(source: &(impl Source + ?Sized)) -> Option<Self> {
         let fps = source.fps().filter(|_| !source.is_stills());
         fps.map(Self::new)
     }
@@ -297,12 +393,13 @@ mod tests {
         let board = "9x6".parse().unwrap();
         let finder = Finder::new(&board).unwrap();
         let shown = |waits| {
-            let film = Film {
+            let mut film = Film {
                 waits,
                 waited: 0,
                 pictures: 0,
             };
-            let failed = Pictures::of("hall", Box::new(film), &board, &finder);
+            let as_stored = Orientation::default();
+            let failed = Pictures::of("hall", &mut film, |_| as_stored, &board, &finder);
             failed.expect_err("no board is in them").to_string()
         };
         let of_file = shown(0);
@@ -323,29 +420,30 @@ mod tests {
         }
     }
 
+    /// A board of 9x6 corners that fills the picture, upright or turned by a quarter.
+    fn shown([width, height]: [u32; 2]) -> Frame {
+        let colour = |k: u32| {
+            let (x, y) = (k % width / 40, k / width / 40);
+            let [columns, rows] = [width, height].map(|side| side / 40 - 1);
+            let is_on = (1..columns).contains(&x) && (1..rows).contains(&y);
+            [if is_on && (x + y) % 2 == 0 { 40 } else { 215 }; 3]
+        };
+        Frame {
+            width,
+            height,
+            rgb: (0..width * height).flat_map(colour).collect(),
+            ..Frame::default()
+        }
+    }
+
     /// Such as 3.png beside 3.jpg.
     #[test]
     fn two_pictures_of_one_moment_are_refused() {
-        const SIZE: [u32; 2] = [480, 360];
-        let colour = |k: u32| {
-            let (x, y) = (k % SIZE[0] / 40, k / SIZE[0] / 40);
-            let is_on = (1..11).contains(&x) && (1..8).contains(&y);
-            [if is_on && (x + y) % 2 == 0 { 40 } else { 215 }; 3]
-        };
-        let frame = Frame {
-            width: SIZE[0],
-            height: SIZE[1],
-            rgb: (0..SIZE[0] * SIZE[1]).flat_map(colour).collect(),
-            ..Frame::default()
-        };
+        let frame = shown([480, 360]);
         let finder = Finder::new(&"9x6".parse().unwrap()).unwrap();
-        let mut read = Pictures {
-            size: [0; 2],
-            count: 0,
-            found: Vec::new(),
-            refused: Vec::new(),
-        };
-        let mut look = |moment: &str| read.look("hall", &frame, moment.to_owned(), &finder);
+        let mut read = Pictures::default();
+        let upright = Orientation::default();
+        let mut look = |moment: &str| read.look("hall", &frame, upright, moment.into(), &finder);
         look("3").unwrap();
         look("4").unwrap();
         let said = look("3").unwrap_err().to_string();
@@ -354,6 +452,52 @@ mod tests {
             "{said}"
         );
         assert_eq!(read.found.len(), 2);
+    }
+
+    /// A photo without the board tells nothing of the lens, however it was turned.
+    #[test]
+    fn photos_of_the_board_that_are_turned_differently_are_of_no_one_lens() {
+        let upright = shown([480, 360]);
+        let blank = Frame {
+            rgb: vec![90; upright.rgb.len()],
+            ..upright.clone()
+        };
+        let finder = Finder::new(&"9x6".parse().unwrap()).unwrap();
+        let turned = shown([360, 480]);
+        for (other, frame) in [
+            (Orientation::HalfTurn, &upright),
+            (Orientation::QuarterClockwise, &turned),
+        ] {
+            let mut read = Pictures::default();
+            let mut look = |frame: &Frame, how, moment: &str| {
+                let looked = read.look("hall", frame, how, moment.into(), &finder);
+                looked.map_err(|e| e.to_string())
+            };
+            look(&blank, other, "2").unwrap();
+            look(&upright, Orientation::Upright, "3").unwrap();
+            look(&blank, other, "4").unwrap();
+            let said = look(frame, other, "5").unwrap_err();
+            for word in ["camera hall", "found 3 as it is", "and 5 turned"] {
+                assert!(said.contains(word), "{said}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_lies_behind_a_cut_is_not_known() {
+        let cut = Pictures {
+            refused: vec![("2.5s".into(), "no corners".into())],
+            broken_off: Some("cut".into()),
+            ..Pictures::default()
+        };
+        let whole = Pictures {
+            broken_off: None,
+            ..cut.clone()
+        };
+        for (moment, why) in [("3.0s", Some("cut")), ("2.0s", None), ("floor", None)] {
+            assert_eq!(cut.lacks(moment), why);
+            assert_eq!(whole.lacks(moment), None);
+        }
     }
 
     /// Names of the pictures at these times, seconds.
