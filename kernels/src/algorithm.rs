@@ -41,7 +41,7 @@ impl Algorithm {
         }
     }
 
-    /// Multiply-accumulates for an input of `height` × `width`, of whatever numbers.
+    /// Multiply-accumulates for an input of `height` × `width`, of whatever numbers; `u64::MAX` where there are more.
     pub fn products(self, shape: &ConvShape, height: usize, width: usize) -> u64 {
         match self {
             Algorithm::Direct => shape.macs(height, width),
@@ -49,7 +49,8 @@ impl Algorithm {
                 let rows = shape.output_len(height).div_ceil(winograd::OUT);
                 let columns = shape.output_len(width).div_ceil(winograd::OUT);
                 let per_tile = winograd::POINTS * shape.group_in() * shape.out_channels();
-                (per_tile as u64).saturating_mul((rows * columns) as u64)
+                let tiles = (rows as u64).saturating_mul(columns as u64);
+                (per_tile as u64).saturating_mul(tiles)
             }
         }
     }
@@ -79,8 +80,9 @@ pub enum Algorithms {
     /// [`Algorithm::preferred`]: what is fastest on most CPUs, and in f32 on all.
     #[default]
     Portable,
-    /// [`Algorithm::Direct`] for every layer: the definition, and in int8 what is fastest on CPUs that multiply small
-    /// matrices ([`Isa::Amx`], [`Isa::NeonI8mm`]).
+    /// [`Algorithm::Direct`]: the definition, and in int8 what is fastest on CPUs that multiply small matrices
+    /// ([`Isa::Amx`], [`Isa::NeonI8mm`]). In int8 it is for layers whose channels come in fours; others, for which no
+    /// tier has a direct vector kernel, are computed as by [`Algorithms::Portable`].
     Direct,
 }
 
@@ -96,8 +98,18 @@ impl Algorithms {
         }
     }
 
-    /// The choice for a layer.
+    /// The choice for a layer in int8. It depends on the shape alone, so that every CPU computes it alike.
     pub fn of(self, shape: &ConvShape) -> Algorithm {
+        match self {
+            // A 32-bit group is four bytes by the definition, two numbers of i16 in Winograd. Where channels do not
+            // come in fours, only Winograd may have vectors; where it has none, its reference is the faster one.
+            Algorithms::Direct if shape.group_in().is_multiple_of(4) => Algorithm::Direct,
+            Algorithms::Portable | Algorithms::Direct => Algorithm::preferred(shape),
+        }
+    }
+
+    /// The choice for a layer in f32, for which every tier has vector kernels whatever its channels.
+    pub fn of_f32(self, shape: &ConvShape) -> Algorithm {
         match self {
             Algorithms::Portable => Algorithm::preferred(shape),
             Algorithms::Direct => Algorithm::Direct,
@@ -177,16 +189,38 @@ mod tests {
         }
     }
 
-    #[test]
-    fn winograd_takes_a_quarter_of_the_products() {
-        let shape = ConvShape::new(crate::ConvDims {
-            in_channels: 64,
+    /// 3 × 3, stride 1, 32 outputs.
+    fn conv(in_channels: usize) -> ConvShape {
+        ConvShape::new(crate::ConvDims {
+            in_channels,
             out_channels: 32,
             kernel: 3,
             padding: 1,
             ..crate::ConvDims::default()
         })
-        .unwrap();
+        .unwrap()
+    }
+
+    #[test]
+    fn the_definition_is_for_channels_in_fours_in_int8_and_for_all_in_f32() {
+        let (direct, winograd) = (Algorithm::Direct, Algorithm::Winograd);
+        for (channels, int8) in [
+            (14, direct),
+            (16, direct),
+            (17, winograd),
+            (18, winograd),
+            (34, winograd),
+            (36, direct),
+        ] {
+            let shape = conv(channels);
+            assert_eq!(Algorithms::Direct.of(&shape), int8, "{channels}");
+            assert_eq!(Algorithms::Direct.of_f32(&shape), direct, "{channels}");
+        }
+    }
+
+    #[test]
+    fn winograd_takes_a_quarter_of_the_products() {
+        let shape = conv(64);
         let products = |algorithm: Algorithm, side| algorithm.products(&shape, side, side);
         let (direct, winograd) = (Algorithm::Direct, Algorithm::Winograd);
         assert_eq!(products(direct, 8), 64 * 9 * 64 * 32);

@@ -1,6 +1,6 @@
 //! int8 and f32 kernels: packing, micro-kernels per instruction set, scalar reference beside them, run-time dispatch.
 //!
-//! No I/O, no threads; libc alone.
+//! No I/O; libc alone. Operations start no threads; [`Peak::together`], which measures the CPU, does.
 //!
 //! Every operation is built once (weights packed for one [`Isa`]), then run without allocating. `run` is safe and takes
 //! separate buffers; `run_part` takes pointers, so that input and output can be channel slices of one buffer and

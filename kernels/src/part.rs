@@ -39,20 +39,28 @@ impl Part {
                 groups: 0..0,
             };
         }
-        let edge = |i: usize| (blocks * i / bands * row_block).min(rows);
+        let row = |band| edge(blocks, band, bands).saturating_mul(row_block);
         Self {
-            rows: edge(band)..edge(band + 1),
-            groups: groups * slice / by_groups..groups * (slice + 1) / by_groups,
+            rows: row(band).min(rows)..row(band + 1).min(rows),
+            groups: edge(groups, slice, by_groups)..edge(groups, slice + 1, by_groups),
         }
     }
 }
 
+/// Where piece `index` of `pieces` of `whole` begins, for `index <= pieces`; exact for all of them.
+fn edge(whole: usize, index: usize, pieces: usize) -> usize {
+    (whole as u128 * index as u128 / pieces as u128) as usize
+}
+
 /// Into how many bands of blocks, and how many slices of groups, at most `count` shares are cut. The slowest share
-/// decides. Of equals the fewest slices: outputs of a slice are apart in memory, those of a band together.
+/// decides. Of equals the fewest slices: outputs of a slice are apart in memory, those of a band together. More slices
+/// than groups are never less work for the slowest.
 fn cut(blocks: usize, groups: usize, count: usize) -> (usize, usize) {
-    let ways = (1..=count).map(|slices| (count / slices, slices));
+    let ways = (1..=count.min(groups)).map(|slices| (count / slices, slices));
     let slowest = |&(bands, slices): &(usize, usize)| {
-        let work = blocks.div_ceil(bands) * groups.div_ceil(slices);
+        let work = blocks
+            .div_ceil(bands)
+            .saturating_mul(groups.div_ceil(slices));
         (work, slices)
     };
     ways.min_by_key(slowest).unwrap_or((1, 1))

@@ -68,6 +68,9 @@ pub(crate) struct Expected {
 
 impl Expected {
     /// Checks `layout` against this expectation and against a buffer of `len` elements.
+    ///
+    /// # Errors
+    /// [`KernelError::Tensor`] where size, channels, halo or buffer are other than expected.
     pub fn check(&self, layout: &Layout, len: usize) -> Result<(), KernelError> {
         let Self { role, .. } = self;
         if (layout.height(), layout.width(), layout.channels())

@@ -113,6 +113,54 @@ fn layouts_that_wrap_are_refused() {
     }
 }
 
+/// What asks for no memory is answered, however much is asked: with the most that the number can hold, and at once.
+#[test]
+fn shares_and_counts_of_wild_sizes_are_exact() {
+    let shape = ConvShape::new(ConvDims {
+        in_channels: 8,
+        out_channels: 8,
+        groups: 2,
+        kernel: 3,
+        padding: 1,
+        ..ConvDims::default()
+    })
+    .unwrap();
+    for algorithm in [Algorithm::Direct, Algorithm::Winograd] {
+        let wild = algorithm.work(&shape, usize::MAX, usize::MAX);
+        assert_eq!(wild, u64::MAX, "{algorithm:?}");
+        let conv = FConv::new(
+            Isa::Scalar,
+            &FConvParams {
+                shape,
+                weights: &vec![1.0; shape.weight_len()],
+                bias: &[0.0; 8],
+                relu: false,
+                residual: false,
+                algorithm,
+            },
+        )
+        .unwrap();
+        for rows in WILD {
+            // Three shares are bands of rows: two slices of groups would leave more to the slowest.
+            let shares = [0, 1, 2].map(|i| conv.part(rows, i, 3));
+            assert_eq!((shares[0].rows.start, shares[2].rows.end), (0, rows));
+            for (a, b) in [(0, 1), (1, 2)] {
+                assert_eq!(shares[a].rows.end, shares[b].rows.start, "{rows}");
+            }
+            let most = shares.iter().map(|share| share.rows.len()).max();
+            assert!(most <= Some(rows / 3 + 4), "{rows}: {shares:?}");
+            for index in [0, 1, usize::MAX / 2, usize::MAX - 1] {
+                let one = conv.part(rows, index, usize::MAX);
+                assert!(one.rows.len() <= 4, "{rows}, share {index}: {one:?}");
+            }
+        }
+        assert!(conv.part(8, 0, usize::MAX).rows.len() <= 4);
+    }
+    let pool = MaxPool::new(Isa::Scalar, PoolShape::new(3, 1, 1).unwrap()).unwrap();
+    assert_eq!(pool.part(usize::MAX, 2, 3).rows.end, usize::MAX);
+    assert!(pool.part(8, 0, usize::MAX).rows.len() <= 1);
+}
+
 /// Every combination of buffers one element too short, and layouts of another size: no kernel may touch anything.
 #[test]
 fn buffers_that_do_not_hold_their_tensor_are_refused() {

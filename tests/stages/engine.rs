@@ -105,7 +105,8 @@ fn a_layer_is_joined_twice_by_way_of_a_copy() {
     let refused = Model::random(joined_twice("a", true), 3);
     let said = Engine::new(&refused, options(Precision::F32, 1, None)).err();
     let said = said.unwrap().to_string();
-    let copy = r#"name = "a.copy", from = ["a"], kernel = 1, stride = 1"#;
+    // One copy is there already, and no two layers have one name.
+    let copy = r#"name = "a.copy2", from = ["a"], kernel = 1, stride = 1"#;
     assert!(
         said.contains("`e` joins `a`") && said.contains(copy) && !said.contains('\n'),
         "{said}"

@@ -1,11 +1,15 @@
 //! Which kernel a layer runs on.
 
-use edgecap_kernels::{Algorithm, ConvShape, Epilogue, Isa, QConv, QConvParams};
+use edgecap_kernels::{Algorithm, Algorithms, ConvShape, Epilogue, Isa, QConv, QConvParams};
 
 use super::{conv, deconv};
 
-/// The kernel that a layer of ours runs on, all of whose weights are `weight`.
+/// The kernel that a layer of ours, all of whose weights are `weight`, runs on by the definition.
 fn kernel_of(isa: Isa, shape: ConvShape, weight: i8) -> &'static str {
+    kernel_by(Algorithm::Direct, isa, shape, weight)
+}
+
+fn kernel_by(algorithm: Algorithm, isa: Isa, shape: ConvShape, weight: i8) -> &'static str {
     let params = QConvParams {
         shape,
         weights: &vec![weight; shape.weight_len()],
@@ -14,7 +18,7 @@ fn kernel_of(isa: Isa, shape: ConvShape, weight: i8) -> &'static str {
         epilogue: Epilogue::F32 {
             scale: vec![1.0; shape.out_channels()],
         },
-        algorithm: Algorithm::Direct,
+        algorithm,
     };
     QConv::new(isa, &params).unwrap().name()
 }
@@ -29,6 +33,22 @@ fn avx2_sums_in_i16_where_many_groups_fit() {
     // Two weights of 64 are 128, of which 258 has room for two; two of 65 are 130, which has room for one.
     assert_eq!(name(64), "qs8_direct_4x16c4__avx2");
     assert_eq!(name(65), "qs8_pairs_4x16c4__avx2");
+}
+
+#[test]
+fn every_choice_takes_vectors_where_channels_come_in_twos() {
+    for isa in Isa::available().filter(|isa| *isa != Isa::Scalar) {
+        for algorithms in Algorithms::ALL {
+            for channels in [16, 18, 20, 22, 34] {
+                let shape = conv(channels, channels, 1, 3, 1);
+                let kernel = kernel_by(algorithms.of(&shape), isa, shape, 1);
+                assert!(
+                    !kernel.ends_with("__scalar"),
+                    "{algorithms:?}, {channels} channels: {kernel} on {isa}"
+                );
+            }
+        }
+    }
 }
 
 #[test]

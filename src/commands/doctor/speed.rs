@@ -32,12 +32,13 @@ pub fn processor() -> Finding {
         Err(e) => return broken(e.to_string()),
     };
     match Algorithms::detect(isa) {
-        Ok(algorithms) => processor_with(isa, algorithms),
+        Ok(algorithms) => processor_with(isa, Isa::available().last(), algorithms),
         Err(e) => broken(e.to_string()),
     }
 }
 
-fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
+/// Of kernels of `isa` on a CPU whose fastest are those of `fastest`.
+fn processor_with(isa: Isa, fastest: Option<Isa>, algorithms: Algorithms) -> Finding {
     let machine = Machine::here(isa);
     let mut text = format!("{}, {} cores, {}", machine.cpu, machine.cores, machine.isa);
     let mut state = State::Fine;
@@ -49,21 +50,29 @@ fn processor_with(isa: Isa, algorithms: Algorithms) -> Finding {
         text += &format!("; {load:.1} other processes run, which takes speed");
         state = State::Note;
     }
-    match isa {
-        Isa::Scalar => {
+    let fastest = fastest.filter(|fastest| isa < *fastest);
+    match (isa, fastest) {
+        (Isa::Scalar, _) => {
             text += &format!("; {SCALAR_ONLY}");
             state = State::Warning;
         }
-        Isa::Sse41 => {
-            text += "; no AVX2, which the network is made for: expected a CPU of 2015 or later";
+        (_, Some(fastest)) => {
+            text += &format!("; EDGECAP_ISA is '{isa}', '{fastest}' is faster here: unset it");
+            state = match isa {
+                Isa::Sse41 => State::Warning,
+                _ => State::Note,
+            };
+        }
+        (Isa::Sse41, None) => {
+            text += "; no AVX2, which the network is made for: expected a CPU with it, such as a Core since 2013, a Ryzen or an N100";
             state = State::Warning;
         }
-        _ if algorithms != Algorithms::fastest(isa) => {
-            let (set, fastest) = (algorithms.name(), Algorithms::fastest(isa).name());
-            text += &format!("; EDGECAP_ALGORITHM is '{set}', '{fastest}' is faster here in int8");
-            state = State::Note;
-        }
         _ => {}
+    }
+    if state != State::Warning && algorithms != Algorithms::fastest(isa) {
+        let (set, fastest) = (algorithms.name(), Algorithms::fastest(isa).name());
+        text += &format!("; EDGECAP_ALGORITHM is '{set}', '{fastest}' is faster here in int8");
+        state = State::Note;
     }
     Finding::new(PROCESSOR, state, text)
 }
@@ -177,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_processor_without_fast_kernels_is_told_loudly() {
-        let with = |isa| processor_with(isa, Algorithms::fastest(isa));
+        let with = |isa| processor_with(isa, Some(isa), Algorithms::fastest(isa));
         let scalar = with(Isa::Scalar);
         assert!(scalar.text.contains("only scalar kernels are left"));
         assert!(scalar.to_string().starts_with("WARNING processor"));
@@ -188,9 +197,32 @@ mod tests {
     }
 
     #[test]
+    fn slower_kernels_than_the_processor_has_are_the_variables_doing() {
+        let forced = |isa, fastest| {
+            let found = processor_with(isa, Some(fastest), Algorithms::fastest(isa));
+            (found.state, found.text)
+        };
+        let (state, text) = forced(Isa::Sse41, Isa::Avx512Vnni);
+        assert_eq!(state, State::Warning);
+        assert!(
+            text.contains("EDGECAP_ISA is 'sse41', 'avx512vnni' is faster"),
+            "{text}"
+        );
+        assert!(!text.contains("no AVX2"), "{text}");
+        let (state, text) = forced(Isa::Avx2, Isa::AvxVnni);
+        assert_eq!(state, State::Note);
+        assert!(text.contains("EDGECAP_ISA is 'avx2'"), "{text}");
+        let (_, text) = forced(Isa::Sse41, Isa::Sse41);
+        assert!(
+            text.contains("no AVX2") && !text.contains("EDGECAP_ISA"),
+            "{text}"
+        );
+    }
+
+    #[test]
     fn slower_algorithms_are_told() {
         let told = |isa, algorithms| {
-            let text = processor_with(isa, algorithms).text;
+            let text = processor_with(isa, Some(isa), algorithms).text;
             text.contains("is faster here in int8")
         };
         assert!(told(Isa::Amx, Algorithms::Portable));

@@ -112,16 +112,29 @@ fn contract_of<'a>(t: &'a Tensors<'_>) -> Result<&'a str, ModelError> {
 
 impl Model {
     /// Reads a model file (`.ecm`).
+    ///
+    /// # Errors
+    /// [`ModelError::Io`] where the file cannot be read; those of [`from_bytes`](Self::from_bytes).
     pub fn open(path: &Path) -> Result<Self, ModelError> {
         Self::from_bytes(&read_file(path)?)
     }
 
     /// Reads the bytes of a model file: digest, names, shapes and ranges are checked.
+    ///
+    /// # Errors
+    /// [`Damaged`](ModelError::Damaged), [`Digest`](ModelError::Digest) or [`Checkpoint`](ModelError::Checkpoint) where
+    /// the bytes are no whole model file, [`Floats`](ModelError::Floats) where they are weights to import,
+    /// [`Newer`](ModelError::Newer) where a later version wrote them. [`Contract`](ModelError::Contract),
+    /// [`Network`](ModelError::Network), [`Missing`](ModelError::Missing), [`Tensor`](ModelError::Tensor),
+    /// [`Values`](ModelError::Values) or [`Unused`](ModelError::Unused) where this program cannot run what they hold.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
         file::read(bytes)
     }
 
     /// The weights that ship with the program.
+    ///
+    /// # Errors
+    /// [`ModelError::NotShipped`] in a build without weights; those of [`from_bytes`](Self::from_bytes).
     pub fn shipped() -> Result<Self, ModelError> {
         match shipped::BYTES {
             Some(bytes) => Self::from_bytes(bytes),
@@ -130,12 +143,19 @@ impl Model {
     }
 
     /// BLAKE3 digest of the file that ships with the program.
+    ///
+    /// # Errors
+    /// [`ModelError::NotShipped`] in a build without weights.
     pub fn shipped_digest() -> Result<String, ModelError> {
         let bytes = shipped::BYTES.ok_or(ModelError::NotShipped)?;
         Ok(blake3::hash(bytes).to_hex().to_string())
     }
 
     /// Imports PyTorch weights in safetensors for `network`; they stay floats until [`quantise`](Self::quantise).
+    ///
+    /// # Errors
+    /// [`Damaged`](ModelError::Damaged) or [`Checkpoint`](ModelError::Checkpoint) where the bytes are no safetensors;
+    /// one of those that [`mismatches`](Self::mismatches) lists where they are not weights of `network`.
     pub fn from_safetensors(bytes: &[u8], network: Network) -> Result<Self, ModelError> {
         let mut t = Tensors::parse(bytes)?;
         let contract = Contract::parse(contract_of(&t)?, &network)?;
@@ -158,11 +178,17 @@ impl Model {
     }
 
     /// Opens a model file or safetensors, whichever `path` is; `network` is for the latter.
+    ///
+    /// # Errors
+    /// [`ModelError::Io`] where the file cannot be read; those of [`from_any`](Self::from_any).
     pub fn open_any(path: &Path, network: Network) -> Result<Self, ModelError> {
         Self::from_any(&read_file(path)?, network)
     }
 
     /// As [`open_any`](Self::open_any), of a file's bytes.
+    ///
+    /// # Errors
+    /// Those of [`from_bytes`](Self::from_bytes) or [`from_safetensors`](Self::from_safetensors).
     pub fn from_any(bytes: &[u8], network: Network) -> Result<Self, ModelError> {
         match Self::is_model_file(bytes)? {
             true => Self::from_bytes(bytes),
@@ -171,11 +197,17 @@ impl Model {
     }
 
     /// Whether a file's bytes are a model file's, and not other safetensors'.
+    ///
+    /// # Errors
+    /// [`Damaged`](ModelError::Damaged) or [`Checkpoint`](ModelError::Checkpoint) where the bytes are no safetensors.
     pub fn is_model_file(bytes: &[u8]) -> Result<bool, ModelError> {
         Ok(file::is_model(&Tensors::parse(bytes)?))
     }
 
     /// Adds Stage II from the training recipe's safetensors.
+    ///
+    /// # Errors
+    /// Those of [`Stage2::from_safetensors`].
     pub fn with_stage2(mut self, bytes: &[u8]) -> Result<Self, ModelError> {
         self.stage2 = Some(Stage2::from_safetensors(bytes)?);
         self.history.push(format!(
@@ -197,6 +229,10 @@ impl Model {
     }
 
     /// Rounds float weights to int8 with ranges from calibration, or from the weights' own contract.
+    ///
+    /// # Errors
+    /// [`ModelError::NoRange`] where there is no calibration and the contract has no range of some layer. int8 weights
+    /// are left as they are.
     pub fn quantise(mut self, calibration: Option<&Calibration>) -> Result<Self, ModelError> {
         let Weights::Float(floats) = &self.weights else {
             return Ok(self);
@@ -277,11 +313,18 @@ impl Model {
     }
 
     /// The bytes of a model file.
+    ///
+    /// # Errors
+    /// [`ModelError::NoRange`] where the weights are floats.
     pub fn to_bytes(&self) -> Result<Vec<u8>, ModelError> {
         file::write(self)
     }
 
     /// Writes a model file beside `path`, then renames it.
+    ///
+    /// # Errors
+    /// [`ModelError::NoRange`] where the weights are floats, [`ModelError::Io`] where the file cannot be written; those
+    /// of [`from_bytes`](Self::from_bytes) where the file could not be read again. `path` is as it was then.
     pub fn save(&self, path: &Path) -> Result<(), ModelError> {
         file::save(self, path)
     }

@@ -55,6 +55,11 @@ impl Stage2 {
     pub const WIDTHS: [usize; 6] = [924, 384, 384, 384, 192, 63];
 
     /// Imports the training recipe's safetensors.
+    ///
+    /// # Errors
+    /// [`Damaged`](ModelError::Damaged) or [`Checkpoint`](ModelError::Checkpoint) where the bytes are no safetensors;
+    /// [`Contract`](ModelError::Contract), [`Missing`](ModelError::Missing), [`Tensor`](ModelError::Tensor),
+    /// [`Values`](ModelError::Values) or [`Unused`](ModelError::Unused) where they are not weights of Stage II.
     pub fn from_safetensors(bytes: &[u8]) -> Result<Self, ModelError> {
         let mut t = Tensors::parse(bytes)?;
         let contract = Stage2Contract::parse(super::contract_of(&t)?)?;

@@ -19,6 +19,10 @@ pub(crate) struct Tensors<'a> {
 
 impl<'a> Tensors<'a> {
     /// Checks the header against the bytes.
+    ///
+    /// # Errors
+    /// [`ModelError::Checkpoint`] where they are what `torch.save` writes, [`ModelError::Damaged`] where they are no
+    /// safetensors either.
     pub fn parse(bytes: &'a [u8]) -> Result<Self, ModelError> {
         let (_, metadata) = SafeTensors::read_metadata(bytes).map_err(|e| {
             match CHECKPOINTS.iter().any(|begin| bytes.starts_with(begin)) {
@@ -65,6 +69,9 @@ impl<'a> Tensors<'a> {
     }
 
     /// Rows of a matrix that has at least one.
+    ///
+    /// # Errors
+    /// [`ModelError::Missing`] where there is none of this name, [`ModelError::Tensor`] where it is no such matrix.
     pub fn rows(&self, name: &str) -> Result<usize, ModelError> {
         match self.find(name)?.shape() {
             [rows, _] if *rows > 0 => Ok(*rows),
@@ -77,6 +84,10 @@ impl<'a> Tensors<'a> {
     }
 
     /// A tensor of f16 or f32; every value is finite.
+    ///
+    /// # Errors
+    /// [`ModelError::Missing`] where there is none of this name, [`ModelError::Tensor`] where it has another type or
+    /// shape, [`ModelError::Values`] where a value is not finite.
     pub fn floats(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f32>, ModelError> {
         let t = self.get(name, shape)?;
         let values: Vec<f32> = match t.dtype() {
@@ -109,6 +120,10 @@ impl<'a> Tensors<'a> {
     }
 
     /// A tensor of i8.
+    ///
+    /// # Errors
+    /// [`ModelError::Missing`] where there is none of this name, [`ModelError::Tensor`] where it has another type or
+    /// shape.
     pub fn bytes(&mut self, name: &str, shape: &[usize]) -> Result<Vec<i8>, ModelError> {
         let t = self.get(name, shape)?;
         if t.dtype() != Dtype::I8 {
@@ -122,6 +137,9 @@ impl<'a> Tensors<'a> {
     }
 
     /// Every tensor must have been read, but for those that `ignore` accepts.
+    ///
+    /// # Errors
+    /// [`ModelError::Unused`] where one was not.
     pub fn finish(&self, ignore: impl Fn(&str) -> bool) -> Result<(), ModelError> {
         let mut left = self.unread().filter(|n| !ignore(n));
         match left.next() {

@@ -37,16 +37,13 @@ pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
     for (name, layer) in &spec.output {
         outputs.push((name.clone(), b.lookup(layer)?));
     }
-    for (_, v) in &outputs {
-        if let Some(reader) = b
-            .nodes
-            .iter()
-            .find(|n| n.inputs.contains(v) || n.residual == Some(*v))
-        {
+    let readers = b.readers();
+    for &(_, v) in &outputs {
+        if let Some(reader) = readers[v] {
             return Err(b.error(
                 format!(
                     "output `{}` is also read by `{}`",
-                    b.values[*v].name, reader.name
+                    b.values[v].name, reader.name
                 ),
                 "end the network in layers that nothing reads",
             ));
@@ -59,12 +56,15 @@ pub(super) fn expand(spec: &NetworkSpec) -> Result<Graph, NetworkError> {
         values: b.values,
         nodes: b.nodes,
         outputs,
+        layers: b.names,
     })
 }
 
 struct Builder<'a> {
     spec: &'a NetworkSpec,
     values: Vec<Value>,
+    /// Whether a value of `values` may hold numbers below 0, as the picture does.
+    can_be_negative: Vec<bool>,
     nodes: Vec<Node>,
     names: HashMap<String, ValueId>,
     /// Names of `nodes`: tensors of model files are called by them.
@@ -114,6 +114,7 @@ impl<'a> Builder<'a> {
         Self {
             spec,
             values: vec![input],
+            can_be_negative: vec![true],
             nodes: Vec::new(),
             names: HashMap::from([("input".into(), Graph::INPUT)]),
             taken: HashSet::new(),
@@ -181,6 +182,10 @@ impl<'a> Builder<'a> {
                 "rename one",
             ));
         }
+        self.can_be_negative.push(match &op {
+            Op::Conv { relu, .. } => !relu,
+            Op::MaxPool { .. } => self.can_be_negative[inputs[0]],
+        });
         self.values.push(Value {
             name: name.clone(),
             channels,
@@ -305,7 +310,7 @@ impl<'a> Builder<'a> {
                     ));
                 }
                 // A window of one pixel reads nothing that lies around.
-                if *kernel > 1 && self.can_be_negative(input) {
+                if *kernel > 1 && self.can_be_negative[input] {
                     return Err(self.error(
                         format!(
                             "pooling `{name}` reads `{}`, which can be negative, while 0 lies around it",
@@ -361,15 +366,15 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Whether a value may hold numbers below 0, as the picture does.
-    fn can_be_negative(&self, value: ValueId) -> bool {
-        let Some(writer) = self.nodes.iter().find(|n| n.output == value) else {
-            return true;
-        };
-        match &writer.op {
-            Op::Conv { relu, .. } => !relu,
-            Op::MaxPool { .. } => self.can_be_negative(writer.inputs[0]),
+    /// Of every value the first operation that reads it.
+    fn readers(&self) -> Vec<Option<&Node>> {
+        let mut readers = vec![None; self.values.len()];
+        for node in &self.nodes {
+            for &read in node.inputs.iter().chain(&node.residual) {
+                readers[read].get_or_insert(node);
+            }
         }
+        readers
     }
 
     /// XNect §6.1: d1, d2, d3 and the level's first output, concatenated, reduced by a 1×1.

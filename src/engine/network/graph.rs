@@ -1,5 +1,7 @@
 //! A network expanded to single operations on named values.
 
+use std::collections::HashMap;
+
 use edgecap_kernels::{ConvShape, PoolShape};
 
 /// Index of a [`Value`] in [`Graph::values`].
@@ -86,6 +88,9 @@ pub struct Graph {
     pub nodes: Vec<Node>,
     /// Output name → value.
     pub outputs: Vec<(String, ValueId)>,
+    /// What `from` and `output` of the network file can name, `input` included. A block is the last of its operations,
+    /// whose value has a name of its own; the others have none here.
+    pub layers: HashMap<String, ValueId>,
 }
 
 impl Graph {

@@ -14,7 +14,9 @@ use spec::{LayerSpec, NetworkSpec};
 #[non_exhaustive]
 pub enum NetworkError {
     /// Not one of the shipped networks.
-    #[error("no network named `{found}`: choose one of {known}, or give the path of a .toml file")]
+    #[error(
+        "no network named `{found}`: choose one of {known}; the path of a .toml file is for `--arch` of `edgecap model`"
+    )]
     Unknown {
         /// What was asked for.
         found: String,
@@ -67,6 +69,9 @@ const SHIPPED: [(&str, &str); 5] = [
 
 impl Network {
     /// A network that ships with the program.
+    ///
+    /// # Errors
+    /// [`NetworkError::Unknown`] where none has this name.
     pub fn shipped(name: &str) -> Result<Self, NetworkError> {
         match SHIPPED.iter().find(|(n, _)| *n == name) {
             Some((_, text)) => Self::parse(text),
@@ -83,6 +88,10 @@ impl Network {
     }
 
     /// Reads the text of a network file.
+    ///
+    /// # Errors
+    /// [`NetworkError::Syntax`] where the text is no network file, [`NetworkError::Inconsistent`] where its layers
+    /// cannot be a network.
     pub fn parse(text: &str) -> Result<Self, NetworkError> {
         let spec: NetworkSpec = toml::from_str(text)?;
         let graph = expand::expand(&spec)?;
@@ -229,6 +238,37 @@ mod tests {
         assert!(said.contains("`pool` reads `copy`, which can be"), "{said}");
         let said = with_layers(copy).unwrap_err().to_string();
         assert!(said.contains("`copy` copies `input`"), "{said}");
+    }
+
+    /// Whoever walks the chain at each of its pools, and looks for each writer among all layers, takes minutes.
+    #[test]
+    fn a_long_chain_of_pools_is_read_at_once() {
+        let pool =
+            |i: u32| format!(r#"{{ kind = "maxpool", name = "{i}", kernel = 3, stride = 1 }},"#);
+        let mut layers = vec![r#"{ kind = "conv", name = "a", out = 4, kernel = 1 },"#.to_owned()];
+        layers.extend((0..9_000).map(pool));
+        let network = with_layers(&layers.concat()).unwrap();
+        assert_eq!(network.graph().nodes.len(), 9_002);
+    }
+
+    #[test]
+    fn an_output_that_a_layer_reads_is_refused() {
+        let text = Network::shipped("selecsls").unwrap().source().to_string();
+        let read = text.replace(r#"head2d = "head2d.out""#, r#"head2d = "head2d.conv1""#);
+        assert_ne!(read, text);
+        let said = Network::parse(&read).unwrap_err().to_string();
+        let wanted = "output `head2d.conv1` is also read by `head2d.conv2`";
+        assert!(said.contains(wanted), "{said}");
+    }
+
+    #[test]
+    fn layers_are_known_by_the_names_that_a_file_gives_them() {
+        let network = Network::shipped("resnet50").unwrap();
+        let graph = network.graph();
+        assert_eq!(graph.layers["input"], Graph::INPUT);
+        let block = graph.layers["layer1"];
+        assert_eq!(graph.values[block].name, "layer1.2.conv3");
+        assert!(!graph.layers.contains_key("layer1.2.conv3"));
     }
 
     #[test]

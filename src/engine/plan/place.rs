@@ -18,10 +18,29 @@ impl PlanError {
     }
 
     /// A value that a layer joins, and that already lies beside others than the layer wants.
-    fn shared(value: &str, layer: &str) -> Self {
+    fn shared(graph: &Graph, value: ValueId, layer: &str) -> Self {
+        let called = graph.layers.iter().find(|(_, v)| **v == value);
+        let called = called.map_or(&graph.values[value].name, |(name, _)| name);
+        let found = format!(
+            "layer `{layer}` joins `{called}`, which another join has put elsewhere in memory"
+        );
+        if value == Graph::INPUT {
+            return Self(format!(
+                "{found}; join the picture in one layer only, and in this one a convolution of it"
+            ));
+        }
+        if !graph.layers.contains_key(called) {
+            return Self::order(found);
+        }
+        let is_free = |name: &String| {
+            !graph.layers.contains_key(name) && graph.nodes.iter().all(|n| n.name != *name)
+        };
+        let numbered = (2..).map(|n| format!("{called}.copy{n}"));
+        let mut names = std::iter::once(format!("{called}.copy")).chain(numbered);
+        let copy = names.find(is_free).unwrap_or_default();
         Self(format!(
-            "layer `{layer}` joins `{value}`, which another join has put elsewhere in memory; let it join a copy: {{ kind = \
-             \"maxpool\", name = \"{value}.copy\", from = [\"{value}\"], kernel = 1, stride = 1 }}"
+            "{found}; let it join a copy: {{ kind = \"maxpool\", name = \"{copy}\", from = [\"{called}\"], kernel = 1, \
+             stride = 1 }}"
         ))
     }
 
@@ -342,7 +361,7 @@ impl Builder<'_> {
         let slot = slot.unwrap_or_else(|| self.new_slot(node.inputs[0]));
         for (v, first) in wanted {
             if self.at[v].is_some_and(|at| at != (slot, first)) {
-                return Err(PlanError::shared(&self.graph.values[v].name, &node.name));
+                return Err(PlanError::shared(self.graph, v, &node.name));
             }
             self.settle(v, slot, first);
         }
@@ -420,6 +439,85 @@ mod tests {
             said.starts_with("layer `c` joins `a` of 48x32 and `b` of 24x16"),
             "{said}"
         );
+    }
+
+    /// A network of these layers and two heads that read `x`; what a plan of it says, if anything.
+    fn said(layers: &str) -> Option<String> {
+        let text = format!(
+            r#"
+            name = "joins"
+            about = "layers that are joined more than once"
+            input = {{ channels = 3, multiple = 16 }}
+            output = {{ head2d = "head2d.out", head3d = "head3d.out" }}
+            layers = [
+              {layers}
+              {{ kind = "conv", name = "head2d.out", from = ["x"], out = 40, kernel = 1, norm = false, relu = false }},
+              {{ kind = "conv", name = "head3d.out", from = ["x"], out = 63, kernel = 1, norm = false, relu = false }},
+            ]
+            "#
+        );
+        let graph = Network::parse(&text).unwrap().graph().clone();
+        let plan = Plan::new(&graph, 64, 96, 1, |_| 0);
+        plan.err().map(|e| e.to_string())
+    }
+
+    fn conv(name: &str, from: &[&str]) -> String {
+        format!(r#"{{ kind = "conv", name = "{name}", from = {from:?}, out = 8, kernel = 1 }},"#)
+    }
+
+    #[test]
+    fn who_does_what_a_refused_join_asks_for_has_a_plan() {
+        let block = r#"
+            { kind = "bottlenecks", name = "res", from = ["a"], width = 4, out = 8, blocks = 1, stride = 1 },
+        "#;
+        let inputs = ["a", "b", "c", "d"].map(|name| conv(name, &["input"]));
+        let inputs = inputs.concat() + block;
+        let others = ["b", "c", "d"];
+        for joined in ["a", "res"] {
+            // Later joins take the copies that were asked for; all three are needed to the end.
+            let mut from = [joined.to_owned(), joined.to_owned(), joined.to_owned()];
+            let mut copies = String::new();
+            for join in [1, 2] {
+                let joins = |from: &[String; 3]| {
+                    let of = |i: usize| conv(&format!("j{i}"), &[from[i].as_str(), others[i]]);
+                    (0..=join).map(of).collect::<String>()
+                };
+                let last: Vec<String> = (0..=join).map(|i| format!("j{i}")).collect();
+                let last: Vec<&str> = last.iter().map(String::as_str).collect();
+                let x = conv("x", &last);
+                let asked = said(&format!("{inputs}{copies}{}{x}", joins(&from))).unwrap();
+                let wanted = format!("layer `j{join}` joins `{joined}`, which");
+                assert!(asked.starts_with(&wanted), "{asked}");
+                let (_, copy) = asked.split_once("join a copy: ").unwrap();
+                copies += &format!("{copy},");
+                let (_, name) = copy.split_once(r#"name = ""#).unwrap();
+                name.split('"').next().unwrap().clone_into(&mut from[join]);
+                let now = said(&format!("{inputs}{copies}{}{x}", joins(&from)));
+                assert_eq!(now, None, "{copies}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_picture_is_joined_beside_another_by_way_of_a_convolution() {
+        let small = |joined: &str| {
+            let layers = [
+                conv("a", &["input"]),
+                conv("b", &["input"]),
+                conv("picture", &["input"]),
+                conv("one", &["input", "a"]),
+                conv("other", &["b", joined]),
+                conv("x", &["one", "other"]),
+            ];
+            said(&layers.concat())
+        };
+        let asked = small("input").unwrap();
+        assert!(
+            asked.contains("`other` joins `input`, which") && asked.contains("a convolution of it"),
+            "{asked}"
+        );
+        assert!(!asked.contains("maxpool"), "{asked}");
+        assert_eq!(small("picture"), None);
     }
 
     #[test]

@@ -28,6 +28,9 @@ pub(super) enum Source<'a> {
 
 impl<'a> Source<'a> {
     /// int8 as they are.
+    ///
+    /// # Errors
+    /// [`EngineError::NotQuantised`] where they are floats.
     pub fn int8(weights: &'a Weights) -> Result<Self, EngineError> {
         match weights {
             Weights::Int8 { convs, scales } => Ok(Self::Int8(convs, scales)),
@@ -171,7 +174,7 @@ fn kernel(
                 bias: &conv.bias,
                 relu: *relu,
                 residual: node.residual.is_some(),
-                algorithm: how.algorithms.of(shape),
+                algorithm: how.algorithms.of_f32(shape),
             };
             Kernel::Float(FConv::new(how.isa, &params).map_err(refused(node))?)
         }

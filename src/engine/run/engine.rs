@@ -283,11 +283,6 @@ impl Engine {
             .collect()
     }
 
-    /// The result of the last run.
-    pub fn maps(&self) -> &Maps {
-        &self.maps
-    }
-
     /// The instruction set in use.
     pub fn isa(&self) -> Isa {
         self.packed.isa

@@ -2,6 +2,8 @@
 
 use std::thread::Builder;
 
+use edgecap_kernels::{Algorithm, Algorithms};
+
 use super::shared_out;
 use crate::engine::model::{Calibration, Weights};
 use crate::engine::{
@@ -135,6 +137,21 @@ fn a_small_network_that_asks_for_much_memory_is_refused() {
     let model = Model::random(Network::parse(text).unwrap(), 1);
     let said = engine(&model, Precision::F32).err().unwrap();
     assert!(matches!(said, EngineError::Packed { .. }), "{said}");
+}
+
+#[test]
+fn shipped_networks_are_all_definition_where_that_is_chosen() {
+    for name in Network::names() {
+        let network = Network::shipped(name).unwrap();
+        for node in &network.graph().nodes {
+            let taken = node.conv().map(|shape| Algorithms::Direct.of(shape));
+            assert!(
+                taken.is_none_or(|taken| taken == Algorithm::Direct),
+                "{name}: {}",
+                node.name
+            );
+        }
+    }
 }
 
 /// A stack that no machine has room for stands in for a system that starts no more threads.
