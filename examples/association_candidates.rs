@@ -202,6 +202,17 @@ fn candidate(d: &Detection, truth: &TruthFrame, letterbox: &Letterbox) -> serde_
     })
 }
 
+/// Where a picture lies that the truth in `folder` names.
+fn place(folder: &Path, source: &str) -> PathBuf {
+    let named = folder.join(source);
+    // The truth's own folder may be part of the source, which is text; a folder's name need not be.
+    let beside = named.file_name().map(|name| folder.join(name));
+    match beside {
+        Some(beside) if !named.exists() && beside.exists() => beside,
+        _ => named,
+    }
+}
+
 /// At most `limit` of `n` things, evenly spread.
 fn spread(n: usize, limit: usize) -> impl Iterator<Item = usize> {
     let take = n.min(limit);
@@ -223,7 +234,7 @@ fn main() -> anyhow::Result<()> {
             .context("an annotation file lies in a folder")?;
         for k in spread(truth.frames.len(), args.limit) {
             let picture = &truth.frames[k];
-            eyes.see(path, &folder.join(&picture.source), picture)?;
+            eyes.see(path, &place(folder, &picture.source), picture)?;
         }
     }
     for folder in &args.quiet {
@@ -297,6 +308,26 @@ mod tests {
         truth.frames[0].partial = false;
         truth.single = true;
         expect_everybody(&truth, path).unwrap_err();
+    }
+
+    #[test]
+    fn pictures_lie_beside_truth_in_a_folder_of_any_name() {
+        use std::os::unix::ffi::OsStrExt;
+        let within = tempfile::tempdir().unwrap();
+        let folder = within.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
+        std::fs::create_dir(&folder).unwrap();
+        std::fs::write(folder.join("0.jpg"), "").unwrap();
+        let path = folder.join("truth.json");
+        let frame = json!({"frame": 0, "file": "0.jpg", "people": []});
+        let text = json!({"fps": 0.0, "frames": [frame]}).to_string();
+        std::fs::write(&path, text).unwrap();
+        let truth = TruthSet::read(&path, &ReadOptions::default()).unwrap();
+        let picture = place(&folder, &truth.frames[0].source);
+        assert_eq!(picture, folder.join("0.jpg"));
+        std::fs::create_dir(folder.join("train")).unwrap();
+        std::fs::write(folder.join("train/0.jpg"), "").unwrap();
+        let below = place(&folder, "train/0.jpg");
+        assert_eq!(below, folder.join("train/0.jpg"));
     }
 
     #[test]

@@ -67,15 +67,16 @@ fn main() -> anyhow::Result<()> {
             args.observations.display()
         );
     };
-    print(&noise);
+    print(&noise, f64::from(truth.fps));
     Ok(())
 }
 
-fn print(n: &Noise) {
+/// `fps`: pictures a second of what was measured.
+fn print(n: &Noise, fps: f64) {
     let [asked, found] = n.people;
     println!("people who could be seen           {asked}, found {found}");
     println!(
-        "  away for more than 8 frames      {:.1} %",
+        "  away for more than 0.27 s        {:.1} %",
         100.0 * n.absent
     );
     for (name, s) in [("2D", &n.plane), ("3D where seen", &n.space)] {
@@ -139,7 +140,7 @@ fn print(n: &Noise) {
         "        lost: {:.4},\n        outlier: {:.4},",
         n.lost, n.outlier
     );
-    println!("        miss: {:.4},", n.miss + 5.0 * n.burst);
+    println!("        miss: {:.4},", n.miss + fps / 6.0 * n.burst);
     println!("        exchanged: {:.4},", 0.5 * n.swap);
     println!("        exchanged_time: {:.2},", n.swap_time);
 }

@@ -39,7 +39,9 @@ def prepare(program: Program, held: pathlib.Path, data: pathlib.Path) -> None:
     """Renders and frames whatever is missing."""
     held.mkdir(parents=True, exist_ok=True)
     if not (held / "stills").exists():
-        program("synth", "--stills", "--frames", 120, "--people", 5, "--seed", STILLS_SEED, "--out", held / "stills")
+        stills = clips.unfinished(held) / "stills"
+        program("synth", "--stills", "--frames", 120, "--people", 5, "--seed", STILLS_SEED, "--out", stills)
+        stills.rename(held / "stills")
     people = str(data / "people2d")
     frames = {f"tall{t}": ["--tall", str(t)] for t in TALL} | {f"cut_{c}": ["--cut", c] for c in framed.CUTS}
     for name, how in frames.items():

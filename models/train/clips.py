@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import pathlib
+import shutil
 import sys
 import tempfile
 
@@ -22,12 +23,24 @@ def people_of(seed: int) -> int:
     return 2 + (seed - SEEDS[0]) % 5
 
 
+def unfinished(folder: pathlib.Path) -> pathlib.Path:
+    """An empty place in `folder` for what gets its name once it is whole: a `synth` that is stopped keeps what there is."""
+    place = folder / "unfinished"
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    return place
+
+
 def render(program: Program, folder: pathlib.Path, seed: int, fps: int) -> tuple[pathlib.Path, pathlib.Path]:
     """The clip and its truth; those of an earlier call are taken as they are."""
     clip, truth = folder / f"{seed}.avi", folder / str(seed)
     if not clip.exists():
         of = ["--frames", SECONDS * fps, "--fps", fps, "--people", people_of(seed), "--seed", seed, "--quality", 40]
-        program("synth", *of, "--out", truth, "--clip", clip)
+        place = unfinished(folder)
+        program("synth", *of, "--out", place / truth.name, "--clip", place / clip.name)
+        shutil.rmtree(truth, ignore_errors=True)
+        (place / truth.name).rename(truth)
+        (place / clip.name).rename(clip)  # last: it says that both are there
     return clip, truth / "truth.json"
 
 

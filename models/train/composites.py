@@ -26,10 +26,11 @@ CLOSE_SIZE, CLOSE_PEOPLE = (300, 900), [0.0, 0.7, 0.2, 0.1]  # as somebody befor
 VISIBLE, HIDDEN, OUTSIDE = 1, 3, 0
 
 
-def visibility(joints: np.ndarray, labelled: np.ndarray) -> np.ndarray:
-    """[P, 14, 2] pixels and [P, 14] whether there is a label -> the codes of `truth.json`."""
+def visibility(joints: np.ndarray, labelled: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """[P, 14, 2] pixels, [P, 14] whether there is a label, and whether there is one of a joint behind somebody else
+    -> the codes of `truth.json`. Where joints without a label lie means nothing: they are as those outside."""
     inside = (joints >= 0).all(-1) & (joints[..., 0] < WIDTH) & (joints[..., 1] < HEIGHT)
-    return np.where(~inside, OUTSIDE, np.where(labelled, VISIBLE, HIDDEN))
+    return np.where(inside & labelled, VISIBLE, np.where(inside & hidden, HIDDEN, OUTSIDE))
 
 
 def person(id_: int, joints: np.ndarray, codes: np.ndarray) -> dict[str, object]:
@@ -68,7 +69,7 @@ def main(argv: list[str]) -> None:
             name = f"{i + k:06}.jpg"
             Image.fromarray(image).save(a.folder / name, quality=92)
             joints = b.joints2d[k].numpy()
-            codes = visibility(joints, b.labelled[k].numpy())
+            codes = visibility(joints, b.labelled[k].numpy(), b.hidden[k].numpy())
             there = [p for p in range(len(joints)) if b.size_px[k, p] > 0 and codes[p].any()]
             frames.append(
                 dict(

@@ -14,17 +14,30 @@ import sys
 
 import numpy as np
 
-from coco17 import ABSENT, LABELLED
+from coco17 import ABSENT, LABELLED, UNKNOWN, to14
 from composites import HIDDEN, OUTSIDE, VISIBLE, person
-from everyday import LEAST
+from everyday import LEAST, STANDING
 from everyday_tiles import Everyday
 
 
-def codes(state: np.ndarray) -> np.ndarray:
-    """What is known of joints -> the codes of `truth.json`; people of whom too little is known have nothing visible."""
-    c = np.where(state == LABELLED, VISIBLE, np.where(state == ABSENT, OUTSIDE, HIDDEN))
+def codes(state: np.ndarray, joints: np.ndarray, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is known of joints [P, 14], at pixels [P, 14, 2] of people in boxes [P, 4] -> joints [P, 14, 2], pixels,
+    and the codes of `truth.json` [P, 14].
+
+    A joint that is not known is hidden where its place is a guess inside the person's box. A place elsewhere means
+    nothing, as COCO's 0, 0 of joints without a label: it would make the person as large as the way there. People of
+    whom too little is known have nothing visible and nothing outside, so that they have a place in the picture: what
+    is not in their box is put where somebody upright has it.
+    """
+    inside = ((joints >= box[:, None, :2]) & (joints <= box[:, None, 2:])).all(-1)
+    guess = np.where(inside, HIDDEN, OUTSIDE)
+    c = np.where(state == LABELLED, VISIBLE, np.where(state == ABSENT, OUTSIDE, guess))
     enough = (state == LABELLED).sum(-1, keepdims=True) >= LEAST
-    return np.where(enough, c, HIDDEN)
+    size = box[:, 2:] - box[:, :2]
+    standing = box[:, None, :2] + STANDING * size[:, None]
+    standing, _ = to14(standing, np.full(standing.shape[:2], UNKNOWN, np.uint8))
+    joints = np.where(enough[..., None] | inside[..., None], joints, standing)
+    return joints, np.where(enough, c, HIDDEN)
 
 
 def main(argv: list[str]) -> None:
@@ -43,7 +56,7 @@ def main(argv: list[str]) -> None:
         name = f"{k:06}.jpg"
         (a.folder / name).write_bytes(e.pictures[e.offset[i] : e.offset[i + 1]].tobytes())
         own = slice(e.start[i], e.start[i + 1])
-        joints, known = e.joints[own].numpy(), codes(e.state[own].numpy())
+        joints, known = codes(e.state[own].numpy(), e.joints[own].numpy(), e.box[own].numpy())
         people = [person(p + 1, joints[p], known[p]) for p in range(len(joints))]
         frames.append(dict(frame=k, time_ns=0, file=name, camera=dict(fx=512, fy=512, cx=255.5, cy=159.5), people=people))
     truth = dict(format="edgecap-truth", version=1, seed=a.seed, width=0, height=0, fps=0, frames=frames)

@@ -1,19 +1,17 @@
 //! `edgecap bench`: the speed certificate of this machine.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::ProgressBar;
 
 use super::apart::Apart;
-use super::exit::Failure;
+use super::eval::Place;
 use super::model::opened;
 use super::pipeline::usual;
 use super::say;
 use crate::engine::{Model, ModelError, Network, NetworkError};
-use crate::lab::bench::{BenchOptions, Certificate, Subject, SubjectError, certify};
-use crate::output::AtomicFile;
+use crate::lab::bench::{BenchOptions, Subject, SubjectError, certify};
 
 /// Options of `edgecap bench`.
 #[derive(Debug, clap::Args)]
@@ -70,12 +68,7 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         .may_read("--model", args.model.as_deref())
         .may_write("--save", args.save.as_deref())
         .check()?;
-    // Before minutes of work that could not be kept.
-    let file = args.save.as_deref().map(|path| {
-        let file = AtomicFile::create(path);
-        file.map_err(|e| Failure::output(path, &e))
-    });
-    let file = file.transpose()?;
+    let saved = args.save.as_deref().map(Place::open).transpose()?;
     let spinner = ProgressBar::new_spinner();
     spinner.enable_steady_tick(Duration::from_millis(500));
     spinner.set_message("weights");
@@ -122,8 +115,8 @@ pub fn bench(args: BenchArgs) -> anyhow::Result<()> {
         false => certificate.to_string(),
     };
     let told = say::whole(&text);
-    if let Some((file, path)) = file.zip(args.save.as_deref()) {
-        save(file, &certificate).map_err(|e| Failure::output(path, &e))?;
+    if let Some(place) = saved {
+        place.write(&serde_json::to_string_pretty(&certificate)?)?;
     }
     told
 }
@@ -146,12 +139,6 @@ fn cause(error: SubjectError) -> anyhow::Error {
         SubjectError::Model(e) => e.into(),
         SubjectError::Engine(e) => e.into(),
     }
-}
-
-fn save(mut file: AtomicFile, certificate: &Certificate) -> std::io::Result<()> {
-    serde_json::to_writer_pretty(&mut file, certificate)?;
-    writeln!(file)?;
-    file.finish()
 }
 
 /// The given or shipped model; `None` in a build without weights.

@@ -16,7 +16,7 @@ use crate::lab::eval::{
 };
 use crate::lab::humaneva::{self, HumanEva, HumanEvaError, HumanEvaOptions};
 use crate::lab::multiview::{TablesOptions, tables};
-use crate::output::{AtomicFile, is_stdout};
+use crate::output::{self, AtomicFile, is_stdout};
 
 /// Frames of every synthetic person.
 const SYNTHETIC_FRAMES: u64 = 60;
@@ -60,7 +60,7 @@ pub struct EvalArgs {
     /// Points that count in OKS
     #[arg(long, value_enum, default_value = "shared", conflicts_with_all = WITHOUT_TRUTH)]
     pub joints: JointSet,
-    /// Fewest labelled joints of a person who is missed when not found
+    /// Fewest labelled joints, of up to 14, of a person who is missed when not found
     #[arg(long, value_name = "N", default_value_t = 8, conflicts_with_all = WITHOUT_TRUTH)]
     pub min_joints: usize,
     /// Least height of such a person's box, in pixels of the network's 512x320 input
@@ -183,23 +183,53 @@ fn told<T>(fits: impl FnOnce(&(dyn Fn(u64, u64) + Sync)) -> T) -> T {
     done
 }
 
+/// Where figures go that minutes of work end with.
+pub(super) struct Place<'a> {
+    path: &'a Path,
+    /// A pipe, a device or a descriptor; `None` for a file.
+    open: Option<AtomicFile>,
+}
+
+impl<'a> Place<'a> {
+    /// Tries it before work that could not be kept. A file is not begun: whoever stops the work would leave it. What is
+    /// none stays open, so that whoever reads from a pipe waits for the figures.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::create`].
+    pub(super) fn open(path: &'a Path) -> Result<Self, Failure> {
+        let file = AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?;
+        let open = (!file.can_seek()).then_some(file);
+        Ok(Self { path, open })
+    }
+
+    /// Writes the figures, a text without its last line's end.
+    ///
+    /// # Errors
+    /// As [`output::write()`].
+    pub(super) fn write(self, text: &str) -> Result<(), Failure> {
+        let text = format!("{text}\n");
+        let written = match self.open {
+            Some(mut open) => open.write_all(text.as_bytes()).and_then(|()| open.finish()),
+            None => output::write(self.path, text.as_bytes()),
+        };
+        written.map_err(|e| Failure::output(self.path, &e))
+    }
+}
+
 /// Where figures go: the table always, but where JSON takes its place.
 enum Figures<'a> {
     Table,
     Json,
-    Both(&'a Path, AtomicFile),
+    Both(Place<'a>),
 }
 
 impl<'a> Figures<'a> {
-    /// Tries the file before minutes of work that could not be kept.
+    /// As [`Place::open`].
     fn open(json: Option<&'a Path>) -> anyhow::Result<Self> {
         Ok(match json {
             None => Self::Table,
             Some(path) if is_stdout(path) => Self::Json,
-            Some(path) => {
-                let file = AtomicFile::create(path).map_err(|e| Failure::output(path, &e))?;
-                Self::Both(path, file)
-            }
+            Some(path) => Self::Both(Place::open(path)?),
         })
     }
 
@@ -210,9 +240,8 @@ impl<'a> Figures<'a> {
             return say::whole(&text);
         }
         let printed = say::whole(&report.to_string());
-        if let Self::Both(path, mut file) = self {
-            let written = writeln!(file, "{text}").and_then(|()| file.finish());
-            written.map_err(|e| Failure::output(path, &e))?;
+        if let Self::Both(place) = self {
+            place.write(&text)?;
         }
         printed
     }
@@ -231,5 +260,47 @@ fn coded(error: EvalError) -> anyhow::Error {
     match error {
         EvalError::Read { path, source } => Failure::no_input(&path, &source).into(),
         other => Failure::data(other.to_string()).into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::exit;
+
+    #[test]
+    fn whoever_stops_the_measuring_leaves_no_begun_figures() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("figures.json");
+        let left = || std::fs::read_dir(folder.path()).unwrap().count();
+        let figures = Figures::open(Some(&path)).unwrap();
+        assert_eq!(left(), 0);
+        figures.show(&"nothing measured").unwrap();
+        assert_eq!(
+            std::fs::read_to_string(&path).unwrap(),
+            "\"nothing measured\"\n"
+        );
+        assert_eq!(left(), 1);
+    }
+
+    #[test]
+    fn a_pipe_without_a_reader_is_told_before_the_measuring() {
+        use rustix::fs::{CWD, mkfifoat};
+        use std::os::unix::fs::FileTypeExt;
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("pipe");
+        mkfifoat(CWD, &pipe, 0o600.into()).unwrap();
+        let said = Figures::open(Some(&pipe)).err().unwrap();
+        assert_eq!(exit::code(&said), exit::CANNOT_CREATE);
+        let reader = std::thread::spawn({
+            let pipe = pipe.clone();
+            move || std::fs::read_to_string(pipe).unwrap()
+        });
+        let figures = Figures::open(Some(&pipe)).unwrap();
+        figures.show(&"nothing measured").unwrap();
+        assert_eq!(reader.join().unwrap(), "\"nothing measured\"\n");
+        assert!(std::fs::metadata(&pipe).unwrap().file_type().is_fifo());
+        // No such descriptor is open.
+        assert!(Figures::open(Some(Path::new("/dev/fd/987654"))).is_err());
     }
 }

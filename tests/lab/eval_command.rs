@@ -215,6 +215,72 @@ fn a_film_is_not_measured_by_photos_nor_photos_by_a_film_nor_a_film_by_another()
     }
 }
 
+/// Pictures of all of them have the same names, and truth names them without the folder in which it lies itself.
+#[test]
+fn several_folders_of_stills_are_one_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let person = serde_json::json!({
+        "id": 1, "stature": 1.7, "joints3d": vec![[0.1, 0.2, 4.0]; BODY_JOINTS],
+        "joints2d": (0..BODY_JOINTS).map(|j| [10.0 * j as f64, 5.0 * j as f64]).collect::<Vec<_>>(),
+        "visibility": vec![1; BODY_JOINTS],
+    });
+    for (set, people) in [("s1", vec![&person]), ("s2", vec![])] {
+        let at = folder.path().join(set);
+        fs::create_dir(&at).unwrap();
+        let picture = |k: u64| format!("{k:06}.jpg");
+        let frames = (0..3_u64)
+            .map(|k| serde_json::json!({"frame": k, "file": picture(k), "people": people}));
+        let truth = serde_json::json!({"frames": frames.collect::<Vec<_>>(), "fps": 0.0});
+        fs::write(at.join("truth.json"), truth.to_string()).unwrap();
+        let seen = serde_json::json!({
+            "score": 0.7, "joints2d": joints(), "joints3d": vec![[0.0; 3]; BODY_JOINTS],
+        });
+        let line = |k: u64| {
+            serde_json::json!({
+                "frame": k, "time_ns": k, "source": format!("{set}/{}", picture(k)), "width": 512, "height": 320,
+                "people": if set == "s1" { vec![&seen] } else { Vec::new() },
+            })
+            .to_string()
+        };
+        let lines: Vec<String> = (0..3).map(line).collect();
+        fs::write(folder.path().join(format!("{set}.jsonl")), lines.join("\n")).unwrap();
+    }
+    let measured = |folder: &Path, truth: [&str; 2], predictions: [&str; 2]| {
+        let args = [
+            &["--json", "-", "--predictions"][..],
+            &predictions,
+            &["--truth"],
+            &truth,
+        ];
+        let out = eval(folder, &args.concat()).success();
+        serde_json::from_slice::<serde_json::Value>(&out.get_output().stdout).unwrap()
+    };
+    let out = measured(
+        folder.path(),
+        ["s1/truth.json", "s2/truth.json"],
+        ["s1.jsonl", "s2.jsonl"],
+    );
+    assert_eq!(
+        (&out["frames"], &out["frames_without_prediction"]),
+        (&6.into(), &0.into())
+    );
+    assert_eq!(out["finding"][1]["found"], 3);
+    // Wherever it is read from.
+    let inside = measured(
+        &folder.path().join("s1"),
+        ["truth.json", "../s2/truth.json"],
+        ["../s1.jsonl", "../s2.jsonl"],
+    );
+    assert_eq!(inside, out);
+    fs::create_dir(folder.path().join("s1/x")).unwrap();
+    let below = measured(
+        &folder.path().join("s1/x"),
+        ["../truth.json", "../../s2/truth.json"],
+        ["../../s1.jsonl", "../../s2.jsonl"],
+    );
+    assert_eq!(below, out);
+}
+
 #[test]
 fn truth_that_does_not_do_is_told_in_the_options_words() {
     let folder = tempfile::tempdir().unwrap();

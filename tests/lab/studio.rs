@@ -34,6 +34,7 @@ fn arguments(out: &Path) -> SynthArgs {
         truth_only: true,
         quality: None,
         format: PictureFormat::Jpg,
+        threads: Default::default(),
     }
 }
 

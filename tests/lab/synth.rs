@@ -308,6 +308,7 @@ fn arguments(out: &std::path::Path) -> SynthArgs {
         truth_only: false,
         quality: None,
         format: PictureFormat::Jpg,
+        threads: Default::default(),
     }
 }
 

@@ -19,9 +19,28 @@ sys.path[:0] = [str(KIT), str(KIT / "tests")]
 import card
 import choices
 import photos
-from clips import SEEDS, line, people_of, row, total
+from clips import SEEDS, line, people_of, render, row, total
 from crowd import PERSON
 from letterbox import letterbox, to_original
+
+
+class Synth:
+    """Stands for the program: keeps what it has when it is stopped, as `synth` does."""
+
+    def __init__(self) -> None:
+        self.ends, self.calls = False, 0
+
+    def __call__(self, what: str, *options: object) -> str:
+        self.calls += 1
+        text = "whole" if self.ends else "a part"
+        out = pathlib.Path(str(options[options.index("--out") + 1]))
+        out.mkdir()
+        (out / "truth.json").write_text(text)
+        if "--clip" in options:
+            pathlib.Path(str(options[options.index("--clip") + 1])).write_text(text)
+        if not self.ends:
+            raise SystemExit("stopped")
+        return ""
 
 
 class Clips(unittest.TestCase):
@@ -50,11 +69,33 @@ class Clips(unittest.TestCase):
         both = total([row(nobody), row(self.report(5, 60, 8))])
         self.assertEqual((both["truth"], both["matched"], both["mpjpe"]), (17, 5, 60))
 
+    def test_a_clip_that_was_broken_off_is_rendered_again(self) -> None:
+        with tempfile.TemporaryDirectory() as d:
+            folder, program = pathlib.Path(d), Synth()
+            with self.assertRaises(SystemExit):
+                render(program, folder, SEEDS[0], 6)
+            program.ends = True
+            for _ in range(2):
+                clip, truth = render(program, folder, SEEDS[0], 6)
+                self.assertEqual((clip.read_text(), truth.read_text()), ("whole", "whole"))
+            self.assertEqual(program.calls, 2)
+
     def test_clips_hold_two_to_six_people(self) -> None:
         self.assertEqual([people_of(s) for s in SEEDS], [2, 3, 4, 5, 6] * 2)
 
 
 class Card(unittest.TestCase):
+    def test_stills_that_were_broken_off_are_rendered_again(self) -> None:
+        with tempfile.TemporaryDirectory() as d, mock.patch("framed.main"):
+            held, program = pathlib.Path(d) / "held", Synth()
+            with self.assertRaises(SystemExit):
+                card.prepare(program, held, held)
+            program.ends = True
+            for _ in range(2):
+                card.prepare(program, held, held)
+            self.assertEqual((held / "stills/truth.json").read_text(), "whole")
+            self.assertEqual(program.calls, 2)
+
     def test_a_row_says_what_was_measured_and_no_more(self) -> None:
         finding = [dict(recall=0.9, people=20, precision=0.8, mean_oks=0.7), dict(recall=0.855, people=20, precision=0.8, mean_oks=0.75)]
         pose = dict(mpjpe_mm=157.24, canonical_mpjpe_mm=150.0, n_mpjpe_mm=140.0, pa_mpjpe_mm=119.0, people=17)

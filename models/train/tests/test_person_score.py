@@ -16,9 +16,11 @@ KIT = pathlib.Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(KIT), str(KIT / "tests")]
 
 import person_score
+from coco17 import ABSENT, LABELLED, UNKNOWN
 from composites import HIDDEN, OUTSIDE, VISIBLE, person, visibility
 from crowd import crowd
 from person_score import FEATURES, collect, score, threshold
+from photo_truth import codes
 from skeleton import LIMBS, NB, NJ
 
 
@@ -106,12 +108,31 @@ class Scores(unittest.TestCase):
 
     def test_composites_say_who_can_be_seen(self) -> None:
         joints = crowd((80, 60), (500, 300))[0].numpy()
-        labelled = np.ones((2, NJ), bool)
-        labelled[0, 3] = False
-        codes = visibility(joints, labelled)
-        self.assertEqual((codes[0, 3], codes[0, 4], codes[1, 13]), (HIDDEN, VISIBLE, OUTSIDE))
-        p = person(7, joints[0], codes[0])
+        labelled, hidden = np.ones((2, NJ), bool), np.zeros((2, NJ), bool)
+        labelled[0, [3, 5]] = False
+        hidden[0, 3] = True
+        seen = visibility(joints, labelled, hidden)
+        self.assertEqual((seen[0, 3], seen[0, 4], seen[1, 13]), (HIDDEN, VISIBLE, OUTSIDE))
+        self.assertEqual(seen[0, 5], OUTSIDE, "without a label nothing says where it is")
+        p = person(7, joints[0], seen[0])
         self.assertEqual((len(p["joints2d"]), len(p["visibility"]), p["visibility"][NJ:]), (NB, NB, [HIDDEN] * (NB - NJ)))
+
+    def test_photos_place_no_joint_where_no_label_does(self) -> None:
+        joints = crowd((80, 60), (200, 60), (320, 60))[0].numpy()
+        box = np.concatenate([joints.min(1), joints.max(1)], 1)
+        state = np.full((3, NJ), LABELLED, np.uint8)
+        state[0, [3, 4]], state[0, 5] = UNKNOWN, ABSENT
+        joints[0, 4] = 0  # as COCO writes what has no label
+        state[1:], joints[1, 6], joints[2] = UNKNOWN, 0, 0
+        placed, known = codes(state, joints, box)
+        self.assertEqual(known[0].tolist(), [*[VISIBLE] * 3, HIDDEN, *[OUTSIDE] * 2, *[VISIBLE] * 8])
+        self.assertTrue((placed[0] == joints[0]).all())
+        # Somebody of whom nothing is sure is somebody all the same, as large as the box, wherever the labels lie.
+        self.assertTrue((known[1:] == HIDDEN).all())
+        self.assertTrue((np.delete(placed[1], 6, 0) == np.delete(joints[1], 6, 0)).all())
+        for j, (x0, y0, x1, y1) in zip(placed[1:], box[1:]):
+            self.assertTrue(((j >= (x0, y0)) & (j <= (x1, y1))).all())
+            self.assertGreater(np.ptp(j[:, 1]), 0.9 * (y1 - y0))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use image::ImageEncoder;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
+use indicatif::ProgressBar;
 
 use self::strip::{Part, Stopped, render};
 use super::apart::Apart;
@@ -18,6 +19,7 @@ use super::exit::Failure;
 use super::progress;
 use super::say;
 use super::stop::Stop;
+use super::threads::ThreadsArgs;
 use crate::bounded::DATA;
 use crate::capture::{AviWriter, Frame};
 use crate::lab::synth::frames::FrameWriter;
@@ -25,7 +27,7 @@ use crate::lab::synth::shoot::{Reel, Shot, outline_still, shoot_still};
 use crate::lab::synth::stills::Stills;
 use crate::lab::synth::truth::{FORMAT, VERSION};
 use crate::lab::synth::{Truth, TruthFrame};
-use crate::output::{AtomicFile, AtomicFolder};
+use crate::output::{AtomicFile, AtomicFolder, is_stdout};
 use crate::sink::SinkError;
 
 /// File type of single pictures.
@@ -112,15 +114,18 @@ pub struct SynthArgs {
     /// File type of single pictures.
     #[arg(long, value_enum, default_value_t = PictureFormat::Jpg)]
     pub format: PictureFormat,
+    /// How many make frames.
+    #[command(flatten)]
+    pub threads: ThreadsArgs,
 }
 
 /// Runs the verb. What there is of it when the user stops it is kept, but for several views.
 ///
 /// # Errors
-/// The output folder holds files already, something cannot be written, or the user stops it.
+/// The output folder holds files already, something cannot be written, threads cannot be started, or the user stops it.
 pub fn synth(args: SynthArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
-    write(&args, &|| stop.requested())
+    args.threads.run(|| write(&args, &|| stop.requested()))
 }
 
 fn write(args: &SynthArgs, is_stopped: &Stopped<'_>) -> anyhow::Result<()> {
@@ -142,29 +147,16 @@ fn write(args: &SynthArgs, is_stopped: &Stopped<'_>) -> anyhow::Result<()> {
     if let (Some(views), Some(out)) = (args.views, &args.out) {
         return views::write(args, views as usize, out, is_stopped);
     }
-    let size = (args.width, args.height);
-    let people = args.people as usize;
     if args.truth_only {
         let out = args.out.as_deref().unwrap_or(Path::new("."));
         return outlines(args, out, is_stopped);
     }
     let bar = progress::bar(args.frames, "frames");
-    let stills = stills(args);
-    let reel =
-        (!args.stills).then(|| Reel::new(args.seed, size, people, args.frames, args.fps as f32));
-    let shot = |k: u64| {
-        let shot = match &reel {
-            Some(reel) => reel.shot(k),
-            None => shoot_still(&stills, k),
-        };
-        bar.inc(1);
-        shot
-    };
     let done = match &args.clip {
-        Some(file) => film(args, file, shot, is_stopped),
+        Some(file) => film(args, file, &bar, is_stopped),
         None => {
             let out = args.out.as_deref().unwrap_or(Path::new("."));
-            album(args, out, shot, is_stopped)
+            album(args, out, &bar, is_stopped)
         }
     };
     bar.finish_and_clear();
@@ -192,6 +184,41 @@ fn stills(args: &SynthArgs) -> Stills {
     }
 }
 
+/// What makes the picture of a frame, stills or those of a clip that is directed here, and tells `bar` of each.
+///
+/// # Errors
+/// When the user stops it while people are directed.
+fn shooting<'a>(
+    args: &SynthArgs,
+    bar: &'a ProgressBar,
+    is_stopped: &Stopped<'_>,
+) -> anyhow::Result<impl Fn(u64) -> Shot + Sync + use<'a>> {
+    let stills = stills(args);
+    let (frames, fps) = (args.frames, args.fps as f32);
+    let directed = || {
+        Reel::until(
+            stills.seed,
+            stills.size,
+            stills.people,
+            frames,
+            fps,
+            is_stopped,
+        )
+    };
+    let reel = (!args.stills).then(directed);
+    if reel.as_ref().is_some_and(|reel| reel.len() < frames) {
+        return Err(Failure::stopped(0).into());
+    }
+    Ok(move |k: u64| {
+        let shot = match &reel {
+            Some(reel) => reel.shot(k),
+            None => shoot_still(&stills, k),
+        };
+        bar.inc(1);
+        shot
+    })
+}
+
 /// Begins the truth about stills or a clip, a file of at most as many bytes as programs read.
 fn truth<W: Write>(args: &SynthArgs, clip: Option<&Path>, out: W) -> io::Result<FrameWriter<W>> {
     let about = Truth {
@@ -211,9 +238,10 @@ fn truth<W: Write>(args: &SynthArgs, clip: Option<&Path>, out: W) -> io::Result<
 fn album(
     args: &SynthArgs,
     out: &Path,
-    shot: impl Fn(u64) -> Shot + Sync,
+    bar: &ProgressBar,
     is_stopped: &Stopped<'_>,
 ) -> anyhow::Result<()> {
+    let shot = shooting(args, bar, is_stopped)?;
     let name = |k: u64| match args.format {
         PictureFormat::Jpg => format!("{k:06}.jpg"),
         PictureFormat::Png => format!("{k:06}.png"),
@@ -319,9 +347,21 @@ fn expect_own(truth: &Path, clip: &Path) -> anyhow::Result<()> {
 fn film(
     args: &SynthArgs,
     file: &Path,
-    shot: impl Fn(u64) -> Shot + Sync,
+    bar: &ProgressBar,
     is_stopped: &Stopped<'_>,
 ) -> anyhow::Result<()> {
+    let no_file = |found: &str| {
+        let of = match is_stdout(file) {
+            true => "--clip".to_owned(),
+            false => file.display().to_string(),
+        };
+        Failure::usage(format!(
+            "{of}: expected a file that ends in .avi, as parts of a film are written again at its end, found {found}"
+        ))
+    };
+    if is_stdout(file) {
+        return Err(no_file("standard output").into());
+    }
     let truth_path = match &args.out {
         Some(folder) => folder.join("truth.json"),
         None => file.with_extension("truth.json"),
@@ -344,7 +384,11 @@ fn film(
     let no_clip = |e: io::Error| Failure::output(file, &e);
     let no_truth = |e: io::Error| Failure::output(&truth_path, &e);
     let mut clip = AtomicFile::create(file).map_err(no_clip)?;
+    if !clip.can_seek() {
+        return Err(no_file("a device or a pipe").into());
+    }
     let mut text = AtomicFile::create(&truth_path).map_err(no_truth)?;
+    let shot = shooting(args, bar, is_stopped)?;
     let mut about = truth(args, Some(file), &mut text).map_err(no_truth)?;
     let mut avi =
         AviWriter::new(&mut clip, args.width, args.height, (args.fps, 1)).map_err(no_clip)?;
@@ -435,6 +479,7 @@ mod tests {
             truth_only: false,
             quality: None,
             format: PictureFormat::Jpg,
+            threads: ThreadsArgs::default(),
         }
     }
 
@@ -444,28 +489,30 @@ mod tests {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(2);
         let pool = pool.build().unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let stopped = |out: &str, how: fn(SynthArgs) -> SynthArgs| {
+        let frames = 200;
+        let stopped = |out: &str, after: u64, how: fn(SynthArgs) -> SynthArgs| {
             let out = folder.path().join(out);
             let args = how(SynthArgs {
-                frames: 200,
+                frames,
                 stills: true,
                 ..args(Some(out.clone()), None)
             });
-            // After the first batch of 32.
             let asked = AtomicU64::new(0);
-            let is_stopped = || asked.fetch_add(1, Ordering::Relaxed) >= 32;
+            let is_stopped = || asked.fetch_add(1, Ordering::Relaxed) >= after;
             let said = pool.install(|| write(&args, &is_stopped)).unwrap_err();
             assert_eq!(exit::code(&said), exit::INTERRUPTED);
             (out, exit::told(&said))
         };
         let count = |out: &Path| std::fs::read_dir(out).unwrap().count();
-        let (out, said) = stopped("stills", |args| args);
+        let batch = 32;
+        let (out, said) = stopped("stills", batch, |args| args);
         assert!(said.contains("stopped after 32 frames"), "{said}");
         assert_eq!(count(&out), 33);
         let known = Truth::load(&out.join("truth.json")).unwrap().frames;
         let files = known.iter().filter_map(|f| f.file.as_ref());
         assert_eq!(files.filter(|name| out.join(name).exists()).count(), 32);
-        let (out, said) = stopped("views", |args| SynthArgs {
+        // It is asked once a frame that is directed, and then once a frame of each view.
+        let (out, said) = stopped("views", frames + batch, |args| SynthArgs {
             stills: false,
             views: Some(2),
             truth_only: true,
@@ -474,6 +521,38 @@ mod tests {
         assert!(said.contains("nothing was written"), "{said}");
         assert!(!out.exists());
         assert_eq!(count(folder.path()), 1, "nothing unfinished is left");
+    }
+
+    #[test]
+    fn it_is_stopped_while_people_are_directed_and_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| Some(folder.path().join(name));
+        for (clip, views) in [(at("a.avi"), None), (None, None), (None, Some(2))] {
+            let args = SynthArgs {
+                frames: 200,
+                views,
+                ..args(clip.is_none().then(|| at("out")).flatten(), clip)
+            };
+            let asked = AtomicU64::new(0);
+            let is_stopped = || asked.fetch_add(1, Ordering::Relaxed) >= 8;
+            let said = write(&args, &is_stopped).unwrap_err();
+            assert_eq!(exit::code(&said), exit::INTERRUPTED);
+            assert!(exit::told(&said).contains("nothing was written"), "{said}");
+            assert_eq!(asked.load(Ordering::Relaxed), 9);
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        }
+    }
+
+    #[test]
+    fn a_clip_goes_into_a_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        for (place, found) in [("-", "standard output"), ("/dev/null", "a device")] {
+            let args = args(Some(folder.path().to_owned()), Some(place.into()));
+            let said = write(&args, &|| false).unwrap_err();
+            assert_eq!(exit::code(&said), exit::USAGE);
+            assert!(exit::told(&said).contains(found), "{said}");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     #[test]

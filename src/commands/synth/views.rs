@@ -40,7 +40,11 @@ pub(super) fn write(
     expect_empty(out, |_| false)?;
     let size = (args.width, args.height);
     let (people, fps) = (args.people as usize, args.fps as f32);
-    let studio = Studio::new(args.seed, size, views, people, args.frames, fps);
+    let frames = args.frames;
+    let studio = Studio::until(args.seed, size, views, people, frames, fps, is_stopped);
+    if studio.frames() < frames {
+        return Err(Failure::stopped(0).into());
+    }
     let folder = AtomicFolder::create(out).map_err(|e| Failure::output(out, &e))?;
     let failed = |e: io::Error| Failure::output(out, &e);
     let calibration = folder.beside().join("Calib.toml");

@@ -65,7 +65,7 @@ pub enum EvalError {
     },
     /// Which picture is which cannot be told.
     #[error(
-        "expected one picture that is {one}, found {} and {}; name the folder in the truth, or give the predictions of one folder", both[0], both[1]
+        "expected one picture that is {one}, found {} and {}; name the folder in the truth and to `infer --input`, or give the predictions of one folder", both[0], both[1]
     )]
     Ambiguous {
         /// The one path.

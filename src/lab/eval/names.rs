@@ -9,7 +9,7 @@ use super::EvalError;
 /// them apart: `img_000000.jpg` of another folder is another picture.
 ///
 /// # Errors
-/// When two are as good as each other, or one is there twice.
+/// When two are as good as each other, one is there twice, or nothing tells of which of several pictures one is.
 pub(super) fn claims(truth: &[&str], predicted: &[&str]) -> Result<Vec<Option<usize>>, EvalError> {
     let mut groups: BTreeMap<&str, [Vec<usize>; 2]> = BTreeMap::new();
     for (k, path) in truth.iter().enumerate().filter(|(_, p)| !p.is_empty()) {
@@ -59,6 +59,20 @@ pub(super) fn claims(truth: &[&str], predicted: &[&str]) -> Result<Vec<Option<us
                 taken.insert(p);
             }
         }
+        // Left out in silence, it would be missing in the figures.
+        for &p in of_predicted.iter().filter(|p| !taken.contains(p)) {
+            let is_end =
+                |t: &usize| common_end(truth[*t], predicted[p]) == parts(predicted[p]).count();
+            let mut may_be = of_truth.iter().copied().filter(is_end);
+            if let (Some(t), Some(u)) = (may_be.next(), may_be.next())
+                && of_truth.iter().any(|k| is_end(k) && claimed[*k].is_none())
+            {
+                return Err(EvalError::Ambiguous {
+                    both: [truth[t], truth[u]].map(str::to_owned),
+                    one: predicted[p].to_owned(),
+                });
+            }
+        }
     }
     Ok(claimed)
 }
@@ -75,9 +89,22 @@ pub(super) fn last(path: &str) -> &str {
     parts(path).next().unwrap_or(path)
 }
 
-/// The parts of a path, from its end.
+/// The parts of a path, from its end; none for `.`, nor for `..` and what it leads out of.
 fn parts(path: &str) -> impl Iterator<Item = &str> {
-    path.rsplit(['/', '\\'])
+    let mut above = 0_usize;
+    let is_part = move |part: &&str| match *part {
+        "." => false,
+        ".." => {
+            above += 1;
+            false
+        }
+        _ if above > 0 => {
+            above -= 1;
+            false
+        }
+        _ => true,
+    };
+    path.rsplit(['/', '\\']).filter(is_part)
 }
 
 /// Number of equal parts from the end.
@@ -95,12 +122,33 @@ mod tests {
         let truth = ["TS1/a.jpg", "TS2/a.jpg", "TS3/a.jpg"];
         let found = claims(&truth, &["photos/TS2/a.jpg"]).unwrap();
         assert_eq!(found, [None, Some(0), None]);
-        // Without a folder it may be any of them.
-        assert_eq!(claims(&truth, &["a.jpg"]).unwrap(), [None; 3]);
         // One that is alone with its name needs none.
         assert_eq!(claims(&["TS1/a.jpg"], &["a.jpg"]).unwrap(), [Some(0)]);
         let deep = ["a/x/1.jpg", "b/x/1.jpg"];
         assert_eq!(claims(&deep, &["b/x/1.jpg"]).unwrap(), [None, Some(0)]);
+        // Whatever way leads there.
+        let around = claims(&deep, &["./a/../b/./x/1.jpg"]).unwrap();
+        assert_eq!(around, [None, Some(0)]);
+    }
+
+    /// As `infer --input .` tells of them.
+    #[test]
+    fn pictures_that_may_be_of_several_folders_are_refused() {
+        let truth = ["/s1/0.jpg", "/s2/0.jpg"];
+        for predicted in [
+            &["./0.jpg"][..],
+            &["0.jpg", "s2/0.jpg"],
+            &["../0.jpg", "s2/0.jpg"],
+        ] {
+            let said = claims(&truth, predicted).unwrap_err().to_string();
+            assert!(
+                said.contains(predicted[0]) && said.contains("/s1/0.jpg"),
+                "{said}"
+            );
+        }
+        // One that is of none of them changes nothing.
+        let all = ["s1/0.jpg", "s2/0.jpg", "s3/0.jpg", "0.jpg"];
+        assert_eq!(claims(&truth, &all).unwrap(), [Some(0), Some(1)]);
     }
 
     #[test]

@@ -31,11 +31,18 @@ const FAR_OFF: f64 = 0.3;
 const SIDES: [[(usize, usize); 3]; 2] = [[(2, 5), (3, 6), (4, 7)], [(8, 11), (9, 12), (10, 13)]];
 /// Left and right can be told apart where a limb's joints lie this far apart (metres, mean over pairs) in the picture.
 const APART: f64 = 0.15;
-/// Missing frames in a row from which it is a burst, and beyond which the person is simply not found.
-const BURST: [u64; 2] = [3, 8];
+/// Seconds in a row for which a person is missed from which it is a burst, and beyond which the person is simply not
+/// found.
+const BURST: [f64; 2] = [0.1, 0.27];
+/// Seconds within which joints begin to be missing together.
+const TOGETHER: f64 = 0.1;
+/// Seconds for which a hidden joint seems to be there, where left and right are exchanged for a moment.
+const MOMENT: f64 = 1.0 / 30.0;
 /// Seconds in a row for which a joint is missing from which it is hidden rather than lost; a fifth may fall to missed
 /// frames.
 const HIDDEN: f64 = 0.5;
+/// Seconds that are no difference: those of whole frames are seldom exact.
+const EXACT: f64 = 1e-9;
 /// Longest lag of the autocovariance, seconds.
 const LAGS: f64 = 1.5;
 
@@ -70,9 +77,9 @@ pub struct Noise {
     pub space: Spread,
     /// Mean distance of root-relative joints from the truth: seen in the picture, not seen; metres.
     pub space_mean: [f64; 2],
-    /// Person missed for one or two frames.
+    /// Person missed for less than 0.1 s.
     pub miss: f64,
-    /// A burst of three to eight missed frames begins.
+    /// A burst of missed frames begins, of 0.1 to 0.27 s.
     pub burst: f64,
     /// Share of frames in longer absences: people whom the detector cannot see.
     pub absent: f64,
@@ -249,8 +256,8 @@ impl NoiseMeter {
             return None;
         }
         let share = |[part, whole]: [usize; 2]| part as f64 / whole.max(1) as f64;
-        let (miss, burst, absent) = absences(self.people.values());
-        let (lost, hidden) = missing_joints(self.people.values(), 0.8 * HIDDEN * fps);
+        let (miss, burst, absent) = absences(self.people.values(), fps);
+        let (lost, hidden) = missing_joints(self.people.values(), fps);
         let bias = self.bias.finish();
         let plane = |m: &Moment, j: usize| {
             let told = part(m.shown, bias[j]);
@@ -346,17 +353,18 @@ fn distance(seen: &[[f32; 3]; EVIDENCE_JOINTS], person: &TruthPerson, truth: &Tr
     }
 }
 
-/// Share of short misses, rate of bursts, share of long absences.
-fn absences<'a>(people: impl Iterator<Item = &'a Vec<Moment>>) -> (f64, f64, f64) {
+/// Share of short misses, rate of bursts a frame, share of long absences.
+fn absences<'a>(people: impl Iterator<Item = &'a Vec<Moment>>, fps: f64) -> (f64, f64, f64) {
     let (mut short, mut bursts, mut long, mut all) = (0, 0, 0, 0);
     for moments in people {
         all += moments.len() as u64;
         for run in moments.chunk_by(|a, b| a.found == b.found && b.frame == a.frame + 1) {
             let n = run.len() as u64;
+            let seconds = n as f64 / fps;
             match n {
                 _ if run[0].found => {}
-                _ if n < BURST[0] => short += n,
-                _ if n <= BURST[1] => bursts += 1,
+                _ if seconds < BURST[0] - EXACT => short += n,
+                _ if seconds <= BURST[1] + EXACT => bursts += 1,
                 _ => long += n,
             }
         }
@@ -370,9 +378,12 @@ fn absences<'a>(people: impl Iterator<Item = &'a Vec<Moment>>) -> (f64, f64, f64
     )
 }
 
-/// Share of joints missing for less than `long` frames, rate at which longer gaps begin. Joints that go missing
+/// Share of joints missing for less than [`HIDDEN`], rate a frame at which longer gaps begin. Joints that go missing
 /// together count as one gap.
-fn missing_joints<'a>(people: impl Iterator<Item = &'a Vec<Moment>>, long: f64) -> (f64, f64) {
+fn missing_joints<'a>(people: impl Iterator<Item = &'a Vec<Moment>>, fps: f64) -> (f64, f64) {
+    let long = 0.8 * HIDDEN * fps;
+    let are_together = |a: &u64, b: &u64| (b - a) as f64 / fps <= TOGETHER + EXACT;
+    let brief = (MOMENT * fps).round().max(1.0) as usize;
     let (mut lost, mut joints, mut gaps, mut free) = (0, 0, 0, 0);
     for moments in people {
         let found: Vec<&Moment> = moments.iter().filter(|m| m.found).collect();
@@ -381,18 +392,8 @@ fn missing_joints<'a>(people: impl Iterator<Item = &'a Vec<Moment>>, long: f64) 
         for j in 0..EVIDENCE_JOINTS {
             let asked: Vec<usize> = (0..found.len()).filter(|&k| found[k].visible[j]).collect();
             joints += asked.len();
-            // Where left and right are exchanged for a moment, a hidden joint seems to be there.
-            let seen: Vec<bool> = (0..asked.len())
-                .map(|i| {
-                    let missing = |i: usize| asked.get(i).is_some_and(|&k| !found[k].seen[j]);
-                    let island = i >= 2
-                        && missing(i - 2)
-                        && missing(i - 1)
-                        && missing(i + 1)
-                        && missing(i + 2);
-                    found[asked[i]].seen[j] && !island
-                })
-                .collect();
+            let mut seen: Vec<bool> = asked.iter().map(|&k| found[k].seen[j]).collect();
+            without_islands(&mut seen, brief);
             let order: Vec<usize> = (0..asked.len()).collect();
             for run in order.chunk_by(|a, b| seen[*a] == seen[*b]) {
                 if seen[run[0]] {
@@ -409,13 +410,31 @@ fn missing_joints<'a>(people: impl Iterator<Item = &'a Vec<Moment>>, long: f64) 
             }
         }
         begins.sort_unstable();
-        gaps += begins.chunk_by(|a, b| b - a <= 3).count();
+        gaps += begins.chunk_by(are_together).count();
         free += gone.iter().filter(|g| !**g).count();
     }
     (
         lost as f64 / joints.max(1) as f64,
         gaps as f64 / free.max(1) as f64,
     )
+}
+
+/// Leaves out where a joint is seen for at most `brief` frames, and missing for at least twice as many before and
+/// after: where left and right are exchanged for a moment, a hidden joint seems to be there.
+fn without_islands(seen: &mut [bool], brief: usize) {
+    let runs: Vec<usize> = seen.chunk_by(|a, b| a == b).map(<[bool]>::len).collect();
+    let is_wide = |run: Option<usize>| {
+        let frames = run.and_then(|k| runs.get(k));
+        frames.is_some_and(|n| *n >= 2 * brief)
+    };
+    let mut begin = 0;
+    for (k, n) in runs.iter().enumerate() {
+        let run = &mut seen[begin..begin + n];
+        if run[0] && *n <= brief && is_wide(k.checked_sub(1)) && is_wide(Some(k + 1)) {
+            run.fill(false);
+        }
+        begin += n;
+    }
 }
 
 /// Splits an error into its parts by its autocovariance, pooled over people, joints and axes.
@@ -469,4 +488,86 @@ fn spread(
         }
     }
     best.1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of one person, who is missed, and whose wrists are missing, in stretches of so many seconds.
+    fn moments(fps: u64, missed: &[[f64; 2]], without: &[[f64; 2]]) -> Vec<Moment> {
+        let within = |stretches: &[[f64; 2]], frame: u64| {
+            let middle = (frame as f64 + 0.5) / fps as f64;
+            stretches.iter().any(|[a, b]| (*a..*b).contains(&middle))
+        };
+        let moment = |frame: u64| {
+            let found = !within(missed, frame);
+            let is_wrist = |j: usize| j == 4 || j == 7;
+            Moment {
+                frame,
+                found,
+                visible: [true; EVIDENCE_JOINTS],
+                seen: std::array::from_fn(|j| found && !(is_wrist(j) && within(without, frame))),
+                shown: [DVec3::ZERO; 2],
+                swapped: [false; 2],
+                plane: [None; EVIDENCE_JOINTS],
+                space: [None; BODY_JOINTS],
+            }
+        };
+        (0..12 * fps).map(moment).collect()
+    }
+
+    #[test]
+    fn a_scene_is_the_same_at_every_rate() {
+        let step = 1.0 / 15.0;
+        // A miss, a burst, and somebody whom the detector cannot see.
+        let missed = [[1.0, 1.0 + step], [2.0, 2.0 + 3.0 * step], [3.0, 3.4]];
+        // Lost for a moment, and hidden twice, the second time with a moment in which they seem to be there.
+        let without = [[5.0, 5.2], [6.0, 7.0], [8.0, 8.4], [8.4 + step / 2.0, 9.0]];
+        let told = |fps: u64, without: &[[f64; 2]]| {
+            let people = [moments(fps, &missed, without)];
+            let (miss, burst, absent) = absences(people.iter(), fps as f64);
+            let (lost, hidden) = missing_joints(people.iter(), fps as f64);
+            [miss, burst * fps as f64, absent, lost, hidden * fps as f64]
+        };
+        let near = |a: [f64; 5], b: [f64; 5]| {
+            let mut pairs = a.into_iter().zip(b);
+            assert!(
+                pairs.all(|(a, b)| a > 0.0 && (a - b).abs() < 1e-9),
+                "{a:?}, {b:?}"
+            );
+        };
+        near(told(15, &without[..2]), told(60, &without[..2]));
+        near(told(30, &without), told(60, &without));
+    }
+
+    #[test]
+    fn limits_are_seconds_also_where_they_lie_between_frames() {
+        for (fps, frames, is_burst, is_absence) in [
+            (24, 2, false, false),
+            (24, 3, true, false),
+            (25, 6, true, false),
+            (25, 7, false, true),
+            (30, 3, true, false),
+        ] {
+            let missed = [[1.0, 1.0 + f64::from(frames) / fps as f64]];
+            let (miss, burst, absent) = absences([moments(fps, &missed, &[])].iter(), fps as f64);
+            assert_eq!(
+                (burst > 0.0, absent > 0.0, miss > 0.0),
+                (is_burst, is_absence, !is_burst && !is_absence),
+                "{frames} frames of {fps} a second"
+            );
+        }
+        // Wrists that are gone for two seconds each, the second ones from 3 frames after the first on.
+        for (fps, gaps) in [(25, 2.0), (30, 1.0)] {
+            let mut of = moments(fps, &[], &[]);
+            for moment in &mut of {
+                let gone = |from: u64| (from..from + 2 * fps).contains(&moment.frame);
+                (moment.seen[4], moment.seen[7]) = (!gone(fps), !gone(fps + 3));
+            }
+            let (_, hidden) = missing_joints([&of].into_iter(), fps as f64);
+            let free = (12 * fps - 2 * fps - 3) as f64;
+            assert!((hidden * free - gaps).abs() < 1e-9, "{hidden} at {fps}");
+        }
+    }
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use edgecap_client::message::FLAG_END_OF_STREAM;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
@@ -69,6 +70,9 @@ struct Line {
     width: f64,
     #[serde(default)]
     height: f64,
+    /// `FLAG_*` bits.
+    #[serde(default)]
+    flags: u32,
     people: Vec<LinePerson>,
     intrinsics: Option<Lens>,
     world: Option<LineWorld>,
@@ -187,6 +191,10 @@ impl Predictions {
             for new in line.kinds() {
                 expect_same(*kind.get_or_insert(new), new, &at())?;
             }
+            // The publisher has ended there: it is no frame.
+            if line.flags & FLAG_END_OF_STREAM != 0 {
+                continue;
+            }
             if out.in_calibration.is_none() && line.is_in_calibration() {
                 out.in_calibration = Some(at());
             }
@@ -285,5 +293,35 @@ impl LinePerson {
             height: self.height.filter(|h| *h > 0.0),
             joints3d,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::{BodyFrame, FLAG_FILE_TIME};
+    use crate::record::{BodiesRow, Format, RecordWriter};
+
+    /// As `edgecap record` writes it where one publisher ends and another follows.
+    #[test]
+    fn the_end_of_a_stream_is_no_frame() {
+        let frames = [(0, 0), (1, 0), (1, FLAG_END_OF_STREAM), (2, 0)];
+        let folder = tempfile::tempdir().unwrap();
+        for format in [Format::Jsonl, Format::Binary] {
+            let path = folder.path().join("record");
+            let mut record = RecordWriter::<BodiesRow>::create(&path, format).unwrap();
+            for (sequence, flags) in frames {
+                let message = BodyFrame {
+                    sequence,
+                    flags: flags | FLAG_FILE_TIME,
+                    ..BodyFrame::default()
+                };
+                record.write(&message, "film.avi").unwrap();
+            }
+            record.finish().unwrap();
+            let out = Predictions::read(&path).unwrap();
+            let numbers: Vec<u64> = out.frames.iter().map(|f| f.frame).collect();
+            assert_eq!(numbers, [0, 1, 2], "{format:?}");
+        }
     }
 }

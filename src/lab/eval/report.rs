@@ -419,12 +419,13 @@ fn identity(scenes: &[Scene]) -> IdentityScore {
 /// Acceleration of the predicted and of the true joints: tracks are the predicted identities, or the true ones where
 /// the predictions have none, and the truth begins anew where the predicted track does. Observations are compared
 /// relative to the pelvis and at their size, bodies in camera space where the truth is in it, else relative to the
-/// pelvis, too.
+/// pelvis, too. Time is the truth's where it has one: that of predictions may be assumed, as photos in a row have none.
 fn jitter(scenes: &[Scene], bodies: bool) -> (Option<f64>, Option<f64>) {
     let (mut predicted, mut truth) = (Jitter::default(), Jitter::default());
     for s in scenes {
         let Some(frame) = s.predicted else { continue };
-        let seconds = frame.time_ns as f64 * 1e-9;
+        let own = frame.time_ns as f64 * 1e-9;
+        let seconds = s.truth.seconds.unwrap_or(own);
         for (t, person) in s.truth.people.iter().enumerate() {
             let (Some(id), Some(p)) = (person.id, s.partner(t)) else {
                 continue;

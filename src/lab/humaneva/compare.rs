@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec3};
 
 use super::archive::JOINTS;
-use crate::body::mesh::{MeshBody, PosedTree};
+use crate::body::mesh::PosedTree;
 use crate::lab::eval::align_similarity;
 use crate::multiview::body_joints;
 
@@ -28,8 +28,8 @@ pub struct Pair {
 
 impl Pair {
     /// A posed body and the set's joints of its frame.
-    pub fn new(body: &MeshBody, posed: &PosedTree, truth: &[DVec3; JOINTS]) -> Self {
-        let joints = body_joints(body, posed);
+    pub fn new(posed: &PosedTree, truth: &[DVec3; JOINTS]) -> Self {
+        let joints = body_joints(posed);
         Self {
             own: OWN.map(|j| joints[j]),
             axes: BONE.map(|b| posed.rotations()[b]),

@@ -94,10 +94,9 @@ pub fn found(
     let Some(person) = fitted.people.iter().max_by_key(|p| p.frames.len()) else {
         return Vec::new();
     };
-    let body = MeshBody::shipped();
     let of = person.frames.iter().map(|f| (f, frames.start + f.frame));
     of.filter(|(_, k)| source.is_whole(piece, *k))
-        .map(|(f, k)| Pair::new(body, &f.body.posed, &piece.joints[k]))
+        .map(|(f, k)| Pair::new(&f.body.posed, &piece.joints[k]))
         .collect()
 }
 

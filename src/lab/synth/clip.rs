@@ -33,8 +33,15 @@ const BENCH: f32 = 0.44;
 const COUNTER: f32 = 0.98;
 
 /// Directs a clip: people cross in front of each other, leave and come back, one stands behind a counter, one sits
-/// down.
-pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -> Clip {
+/// down. It ends early where `is_stopped`, which is asked before each frame, says so.
+pub fn clip(
+    seed: u64,
+    size: (u32, u32),
+    people: usize,
+    frames: u64,
+    fps: f32,
+    is_stopped: &dyn Fn() -> bool,
+) -> Clip {
     let mut dice = Dice::new(seed, 0);
     let dice = &mut dice;
     let eye = Vec3::new(0.0, dice.range(1.3, 1.75), 0.0);
@@ -118,7 +125,7 @@ pub fn clip(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -
         cast.push(Person::random(k as u32 + 1, &mut own, 0.0125));
         actors.push(role(k, &mut own, spread, counter_at, bench_at));
     }
-    let stances = direct(&cast, &actors, frames, fps);
+    let stances = direct(&cast, &actors, frames, fps, is_stopped);
     let scene = Scene {
         camera,
         place,

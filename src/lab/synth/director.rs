@@ -280,14 +280,20 @@ fn between(from: &Stance, to: &Stance, share: f32) -> Stance {
 
 /// Stances of all actors (one per person, same order) in every frame. A frame that falls between two steps lies between
 /// their stances: else it would be off by part of a step, which a rate that does not divide the steps' turns into
-/// shaking.
-pub fn direct(people: &[Person], actors: &[Actor], frames: u64, fps: f32) -> Vec<Vec<Stance>> {
+/// shaking. Fewer frames where `is_stopped`, which is asked before each, says so.
+pub fn direct(
+    people: &[Person],
+    actors: &[Actor],
+    frames: u64,
+    fps: f32,
+    is_stopped: &dyn Fn() -> bool,
+) -> Vec<Vec<Stance>> {
     let mut states: Vec<State> = actors.iter().map(State::new).collect();
     // One step before.
     let mut last = states.clone();
     let mut out = Vec::with_capacity(frames as usize);
     let mut steps = 0u64;
-    for frame in 0..frames {
+    for frame in (0..frames).take_while(|_| !is_stopped()) {
         // Exact where it is a whole number, so that such a frame is that step.
         let due = frame as f64 * f64::from(RATE) / f64::from(fps);
         let until = due.ceil();

@@ -79,7 +79,19 @@ pub struct Reel {
 impl Reel {
     /// Prepares a clip.
     pub fn new(seed: u64, size: (u32, u32), people: usize, frames: u64, fps: f32) -> Self {
-        Self::of(clip(seed, size, people, frames, fps))
+        Self::until(seed, size, people, frames, fps, &|| false)
+    }
+
+    /// The same of fewer frames where `is_stopped`, which is asked before each is directed, says so.
+    pub fn until(
+        seed: u64,
+        size: (u32, u32),
+        people: usize,
+        frames: u64,
+        fps: f32,
+        is_stopped: &dyn Fn() -> bool,
+    ) -> Self {
+        Self::of(clip(seed, size, people, frames, fps, is_stopped))
     }
 
     /// Prepares a clip that is directed already.

@@ -46,6 +46,19 @@ impl Studio {
         frames: u64,
         fps: f32,
     ) -> Self {
+        Self::until(seed, size, views, people, frames, fps, &|| false)
+    }
+
+    /// The same of fewer frames where `is_stopped`, which is asked before each is directed, says so.
+    pub fn until(
+        seed: u64,
+        size: (u32, u32),
+        views: usize,
+        people: usize,
+        frames: u64,
+        fps: f32,
+        is_stopped: &dyn Fn() -> bool,
+    ) -> Self {
         let cameras = cameras(seed, size, views);
         let dice = &mut Dice::new(seed, 1);
         let mut place = hall(dice);
@@ -70,7 +83,7 @@ impl Studio {
             cast.push(Person::random(k as u32 + 1, own, SKIN));
             actors.push(wanderer(k, people, own));
         }
-        let stances = direct(&cast, &actors, frames, fps);
+        let stances = direct(&cast, &actors, frames, fps, is_stopped);
         let scene = Scene {
             camera: cameras[0],
             place,
@@ -85,6 +98,11 @@ impl Studio {
             fps,
         };
         Self { clip, cameras }
+    }
+
+    /// Number of frames.
+    pub fn frames(&self) -> u64 {
+        self.clip.stances.len() as u64
     }
 
     /// Makes everybody's skin, so that copies of the scene share the work.

@@ -20,6 +20,33 @@ fn whoever_is_cut_off_by_the_picture_is_as_large_as_before() {
     assert!(cut.height() < whole.height() && cut.beyond.is_none());
 }
 
+/// As the training kit writes photos: no 3D, and joints that are nowhere.
+#[test]
+fn a_joint_without_a_place_makes_nobody_larger() {
+    let flat = |change: fn(&mut serde_json::Value)| {
+        let truth = synthetic(|p| {
+            p["joints3d"] = vec![[0.0; 3]; BODY_JOINTS].into();
+            p["visibility"][0] = 0.into();
+            p["joints2d"][0] = p["joints2d"][1].clone();
+            change(p);
+        });
+        truth.unwrap().frames.remove(0).people.remove(0)
+    };
+    let (known, nowhere) = (
+        flat(|_| ()),
+        flat(|p| p["joints2d"][0] = [-900.0, -900.0].into()),
+    );
+    assert_eq!((known.area, known.bbox), (nowhere.area, nowhere.bbox));
+    let hidden = flat(|p| {
+        p["joints2d"][0] = [-900.0, -900.0].into();
+        p["visibility"][0] = 3.into();
+    });
+    assert!(
+        hidden.area > 10.0 * known.area,
+        "a place behind something counts"
+    );
+}
+
 #[test]
 fn a_report_on_somebody_beyond_the_picture_is_neither_right_nor_wrong() {
     let outside = synthetic(|p| p["visibility"] = vec![0; BODY_JOINTS].into()).unwrap();

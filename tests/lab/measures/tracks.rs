@@ -6,6 +6,9 @@ use edgecap::lab::eval::{EvalOptions, Identity, Jitter, Predictions, evaluate};
 use super::{body, exact, line, synthetic};
 use crate::near;
 
+/// Seconds between the frames of [`line`].
+const STEP: f64 = 0.04;
+
 #[test]
 fn idf1_and_switches() {
     let mut i = Identity::default();
@@ -69,6 +72,7 @@ fn true_motion_is_of_the_time_that_predicted_tracks_last() {
     for k in 0..7 {
         let mut frame = first.clone();
         frame.frame = Some(k);
+        frame.seconds = Some(STEP * k as f64);
         frame.people[0].joints3d = Some(moving(k).map(Some));
         truth.frames.push(frame);
         let person = serde_json::json!({
@@ -97,6 +101,7 @@ fn observations_and_the_truth_move_at_one_size() {
         let joints = moving(k);
         let mut frame = first.clone();
         frame.frame = Some(k);
+        frame.seconds = Some(STEP * k as f64);
         frame.people[0].joints3d = Some(joints.map(Some));
         frame.people[0].stature = Some(STATURE);
         truth.frames.push(frame);
@@ -111,6 +116,36 @@ fn observations_and_the_truth_move_at_one_size() {
     near(report.pose3d.unwrap().mpjpe_mm, 0.0);
     assert!(report.jitter.unwrap() > 1.0, "{:?}", report.jitter);
     near(report.jitter.unwrap(), report.true_motion.unwrap());
+}
+
+/// Photos in a row have no times of their own: predictions assume some.
+#[test]
+fn motion_is_timed_by_the_truth_where_it_knows() {
+    let moving = |k: u64| body().map(|p| p.map(|x| x * (1.0 + 0.01 * (k * k) as f64)));
+    let mut truth = synthetic(|_| ()).unwrap();
+    let first = truth.frames.remove(0);
+    let mut lines = Vec::new();
+    for k in 0..4 {
+        let mut frame = first.clone();
+        frame.frame = Some(k);
+        frame.seconds = Some(STEP * k as f64);
+        frame.people[0].joints3d = Some(moving(k).map(Some));
+        truth.frames.push(frame);
+        let solid = moving(k).to_vec();
+        let person = serde_json::json!({"score": 0.9, "joints2d": exact(), "joints3d": solid});
+        lines.push(line(k, "", &person.to_string()));
+    }
+    let mut predictions = Predictions::parse(&lines.join("\n"), "p").unwrap();
+    let motion = |predictions: &Predictions| {
+        let report = evaluate(predictions, &truth, &EvalOptions::default()).unwrap();
+        (report.jitter.unwrap(), report.true_motion.unwrap())
+    };
+    let right = motion(&predictions);
+    assert!(right.0 > 1.0, "{right:?}");
+    for frame in &mut predictions.frames {
+        frame.time_ns /= 5;
+    }
+    assert_eq!(motion(&predictions), right);
 }
 
 /// A body of `run`, seen at the joints of [`exact`] and so far to the right of them, pixels.
@@ -176,6 +211,7 @@ fn bodies_and_a_truth_without_a_place_are_compared_by_their_poses() {
     for k in 0..4 {
         let mut frame = first.clone();
         frame.frame = Some(k);
+        frame.seconds = Some(STEP * k as f64);
         frame.people[0].joints3d = Some(pose.map(Some));
         truth.frames.push(frame);
         // Faster and faster away from the camera, which such a truth does not tell.

@@ -12,6 +12,11 @@ use crate::lab::eval::PoseErrors;
 
 /// Candidates of a view that are combined with those of the others: the best scores.
 const CANDIDATES: usize = 4;
+/// Most combinations of the people of some views that all go on to the next view: those of four views, so that of up to
+/// five all are tried.
+const ALL: usize = CANDIDATES.pow(4);
+/// Of more so many go on, the best. Otherwise every view more would be [`CANDIDATES`] times the work.
+const KEPT: usize = 32;
 /// Source views that a triangulation needs.
 const SOURCES: usize = 3;
 /// Of a figure's height: the nearest report within it is meant …
@@ -127,54 +132,86 @@ impl MultiviewCheck {
         }
     }
 
-    /// The person on whom the sources, views by number, agree best: every combination of their people is tried.
+    /// The person on whom the sources, views by number, agree best. Every combination of their people is tried, but of
+    /// more than [`ALL`] of the views before one the best alone go on to it.
     fn best_figure(&self, sources: &[(usize, &ObservationFrame)]) -> Option<Figure> {
         let least = SOURCES.min(sources.len());
         // A view that sees nobody has no part in any combination, and forbids none.
         let sources: Vec<_> = sources
             .iter()
             .filter(|(_, seen)| !seen.people().is_empty())
+            .copied()
             .collect();
-        let counts: Vec<usize> = sources
-            .iter()
-            .map(|(_, seen)| seen.people().len().min(CANDIDATES))
-            .collect();
+        let mut tried: Vec<Vec<usize>> = vec![Vec::new()];
+        for (n, (_, seen)) in sources.iter().enumerate() {
+            if tried.len() > ALL {
+                self.keep_best(&mut tried, &sources[..n], least);
+            }
+            let picks = 0..seen.people().len().min(CANDIDATES);
+            let longer = |pick: usize| {
+                let with = move |people: &Vec<usize>| [&people[..], &[pick]].concat();
+                tried.iter().map(with)
+            };
+            tried = picks.flat_map(longer).collect();
+        }
         let mut best: Option<(usize, Figure)> = None;
-        for n in 0..counts.iter().product() {
-            let mut rest = n;
-            let people: Vec<usize> = counts
-                .iter()
-                .map(|c| {
-                    let pick = rest % c;
-                    rest /= c;
-                    pick
-                })
-                .collect();
-            let figure: Figure = std::array::from_fn(|j| {
-                let pixels: Vec<(&View, DVec2)> = sources
-                    .iter()
-                    .zip(&people)
-                    .filter_map(|((v, seen), &p)| {
-                        let [u, w, c] = seen.people[p].joints2d[j].map(f64::from);
-                        (c > 0.0).then(|| (&self.views[*v], DVec2::new(u, w)))
-                    })
-                    .collect();
-                if pixels.len() < least {
-                    return None;
-                }
-                let point = triangulate(&pixels, self.agree)?;
-                let mut off = 0.0;
-                for (view, pixel) in &pixels {
-                    off += view.project(point)?.distance(*pixel) / pixels.len() as f64;
-                }
-                (off <= self.agree).then_some(point)
-            });
+        for people in &tried {
+            let (figure, _) = self.figure(&sources, people, least);
             let known = figure.iter().flatten().count();
             if known >= 6 && best.as_ref().is_none_or(|(most, _)| known > *most) {
                 best = Some((known, figure));
             }
         }
         best.map(|(_, figure)| figure)
+    }
+
+    /// Keeps the [`KEPT`] combinations of one person a source in which most joints agree, of equals the nearest ones.
+    fn keep_best(
+        &self,
+        tried: &mut Vec<Vec<usize>>,
+        sources: &[(usize, &ObservationFrame)],
+        least: usize,
+    ) {
+        let rated = std::mem::take(tried).into_iter().map(|people| {
+            let (figure, off) = self.figure(sources, &people, least);
+            (figure.iter().flatten().count(), off, people)
+        });
+        let mut rated: Vec<_> = rated.collect();
+        rated.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.total_cmp(&b.1)));
+        rated.truncate(KEPT);
+        tried.extend(rated.into_iter().map(|(_, _, people)| people));
+    }
+
+    /// The joints on which at least `least` sources agree that `people`, one a source, are one person, and the sum over
+    /// these joints of their mean distances to their reprojections, pixels.
+    fn figure(
+        &self,
+        sources: &[(usize, &ObservationFrame)],
+        people: &[usize],
+        least: usize,
+    ) -> (Figure, f64) {
+        let joint = |j: usize| {
+            let pixels: Vec<(&View, DVec2)> = sources
+                .iter()
+                .zip(people)
+                .filter_map(|((v, seen), &p)| {
+                    let [u, w, c] = seen.people[p].joints2d[j].map(f64::from);
+                    (c > 0.0).then(|| (&self.views[*v], DVec2::new(u, w)))
+                })
+                .collect();
+            if pixels.len() < least {
+                return None;
+            }
+            let point = triangulate(&pixels, self.agree)?;
+            let mut off = 0.0;
+            for (view, pixel) in &pixels {
+                off += view.project(point)?.distance(*pixel) / pixels.len() as f64;
+            }
+            (off <= self.agree).then_some((point, off))
+        };
+        let joints: [Option<(DVec3, f64)>; EVIDENCE_JOINTS] = std::array::from_fn(joint);
+        let off = joints.iter().flatten().map(|(_, off)| off).sum();
+        (joints.map(|known| known.map(|(point, _)| point)), off)
     }
 
     /// `near`: of the figure's height, see [`NEAR`].
@@ -371,6 +408,40 @@ mod tests {
         // The two that are left out in turn need three others; the three that see the person have two.
         assert_eq!(triangulated(&[1, 3]), 2);
         assert_eq!(triangulated(&[0, 1, 2, 3, 4]), 0);
+    }
+
+    /// Of four people in each of eleven views there are four million combinations.
+    #[test]
+    fn many_views_of_several_people_agree_on_one_of_them() {
+        let views: Vec<View> = (0..11).map(|v| View::around(32.0 * f64::from(v))).collect();
+        let joint = |person: usize, j: usize| {
+            let (x, j) = (0.5 * person as f64 - 0.75, j as f64);
+            DVec3::new(x + 0.1 * j.sin(), 0.1 * j - 0.7, 0.1 * (2.0 * j).cos())
+        };
+        let mut frames = vec![ObservationFrame::default(); views.len()];
+        for (v, (frame, view)) in frames.iter_mut().zip(&views).enumerate() {
+            frame.count = CANDIDATES as u32;
+            for (slot, seen) in frame.people[..CANDIDATES].iter_mut().enumerate() {
+                // Every view tells them in an order of its own.
+                let person = (slot + 3 * v) % CANDIDATES;
+                for (j, out) in seen.joints2d.iter_mut().enumerate() {
+                    let p = view.project(joint(person, j)).unwrap();
+                    *out = [p.x as f32, p.y as f32, 0.8];
+                }
+            }
+        }
+        let sources: Vec<_> = frames.iter().enumerate().collect();
+        let check = MultiviewCheck::new(views, 20.0);
+        let figure = check.best_figure(&sources).unwrap();
+        let off = |person: usize| {
+            let joints = figure.iter().enumerate();
+            let far =
+                joints.map(|(j, p)| p.map_or(f64::INFINITY, |p| p.distance(joint(person, j))));
+            far.fold(0.0, f64::max)
+        };
+        let best = (0..CANDIDATES).map(off).fold(f64::INFINITY, f64::min);
+        // They stand half a metre apart.
+        assert!(best < 0.1, "{best} m off");
     }
 
     #[test]

@@ -7,7 +7,8 @@ mod mpii;
 mod npz;
 mod synth;
 
-use std::path::Path;
+use std::io;
+use std::path::{Component, Path, PathBuf};
 
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
@@ -62,6 +63,8 @@ pub struct TruthFrame {
     pub source: String,
     /// Index in a film; none where the name tells the picture.
     pub frame: Option<u64>,
+    /// When it was taken, seconds from any begin that all frames share, where the truth knows.
+    pub seconds: Option<f64>,
     /// Recording it belongs to; empty where the format does not tell recordings apart.
     pub sequence: String,
     /// Width and height of the picture, pixels, where the truth tells.
@@ -219,11 +222,25 @@ impl TruthSet {
         }
         let text = String::from_utf8(bytes)
             .map_err(|_| EvalError::format(&name, "JSON or a NumPy archive (.npz)", "neither"))?;
-        Self::parse(&text, &name, options.format, options.split.as_deref())
+        // The truth's own place tells its pictures from those of other folders.
+        let place = spelled_out(path).map_err(unreadable)?;
+        let split = options.split.as_deref();
+        Self::parse_in(place.parent(), &text, &name, options.format, split)
     }
 
     /// Reads the text of a truth file; `name` is for errors.
     pub fn parse(
+        text: &str,
+        name: &str,
+        format: Format,
+        split: Option<&str>,
+    ) -> Result<Self, EvalError> {
+        Self::parse_in(None, text, name, format, split)
+    }
+
+    /// The same of a file in `folder`, whose name pictures get that lie beside their truth.
+    fn parse_in(
+        folder: Option<&Path>,
         text: &str,
         name: &str,
         format: Format,
@@ -275,10 +292,30 @@ impl TruthSet {
             )),
             Format::Synth | Format::Auto => {
                 synth::expect_version(&value, name)?;
-                synth::read(serde_json::from_value(value).map_err(unread)?, name)
+                let file = serde_json::from_value(value).map_err(unread)?;
+                synth::read(file, name, folder)
             }
         }
     }
+}
+
+/// The whole path, by the names that links have where it leads through them, without `..`: the folder that a path names
+/// in full ends in the name that tells it from others.
+fn spelled_out(path: &Path) -> io::Result<PathBuf> {
+    let mut out = PathBuf::new();
+    for part in std::path::absolute(path)?.components() {
+        match part {
+            Component::ParentDir => {
+                // Above a link is what is above the folder that it leads to.
+                if out.is_symlink() {
+                    out = out.canonicalize()?;
+                }
+                out.pop();
+            }
+            other => out.push(other),
+        }
+    }
+    Ok(out)
 }
 
 /// The format by the keys it has.
@@ -299,5 +336,26 @@ fn recognise(value: &serde_json::Value) -> Option<Format> {
         Some(Format::People2d)
     } else {
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_is_spelled_out_by_the_names_of_links_but_above_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().canonicalize().unwrap();
+        std::fs::create_dir_all(folder.join("real/deep")).unwrap();
+        std::os::unix::fs::symlink("real/deep", folder.join("link")).unwrap();
+        for (path, whole) in [
+            ("real/deep/../t.json", "real/t.json"),
+            ("real/./deep/../../t.json", "t.json"),
+            ("link/t.json", "link/t.json"),
+            ("link/../t.json", "real/t.json"),
+        ] {
+            assert_eq!(spelled_out(&folder.join(path)).unwrap(), folder.join(whole));
+        }
     }
 }

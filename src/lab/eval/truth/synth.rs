@@ -1,5 +1,7 @@
 //! `truth.json` of `edgecap synth`: everything about everybody.
 
+use std::path::Path;
+
 use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use serde::Deserialize;
 
@@ -28,6 +30,8 @@ pub(super) struct File {
 #[derive(Deserialize)]
 struct Frame {
     frame: u64,
+    #[serde(default)]
+    time_ns: Option<u64>,
     #[serde(default)]
     file: Option<String>,
     people: Vec<Person>,
@@ -77,7 +81,8 @@ pub(super) fn expect_version(file: &serde_json::Value, name: &str) -> Result<(),
     ))
 }
 
-pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
+/// `folder` is where the file lies, and its pictures beside it, where that is known.
+pub(super) fn read(file: File, name: &str, folder: Option<&Path>) -> Result<TruthSet, EvalError> {
     let mut people = file.frames.iter().flat_map(|f| &f.people);
     if let Some(p) = people.find(|p| p.stature <= 0.0) {
         return Err(EvalError::format(
@@ -139,10 +144,20 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     let size = (file.width > 0.0 && file.height > 0.0).then_some([file.width, file.height]);
     let is_clip = video && file.frames.iter().all(|f| f.file.is_none());
     let clip = file.clip.unwrap_or_default();
+    let fps = file.fps;
+    let seconds = |f: &Frame| match f.time_ns {
+        Some(time) => time as f64 * 1e-9,
+        None => f.frame as f64 / fps,
+    };
+    let beside = |picture: String| match folder {
+        Some(folder) => folder.join(picture).to_string_lossy().into_owned(),
+        None => picture,
+    };
     let frame = |f: Frame| TruthFrame {
         // Pictures of a folder are told by their names: their numbers would go with those of any other folder.
         frame: (video && f.file.is_none()).then_some(f.frame),
-        source: f.file.unwrap_or_else(|| clip.clone()),
+        seconds: video.then(|| seconds(&f)),
+        source: f.file.map_or_else(|| clip.clone(), beside),
         size,
         people: f.people.into_iter().map(person).collect(),
         ..TruthFrame::default()
