@@ -226,9 +226,13 @@ impl Sink<BodyFrame> for VmcBridge {
         self.hush_all();
     }
 
-    fn end(&mut self) -> Result<(), SinkError> {
+    fn everybody_leaves(&mut self) {
         self.hush_all();
         self.ports = Default::default();
+    }
+
+    fn end(&mut self) -> Result<(), SinkError> {
+        self.everybody_leaves();
         Ok(())
     }
 
@@ -281,6 +285,10 @@ mod tests {
         bridge.quiet();
         bridge.send_at(start + after(60.0), &frame(&[3, 4]));
         assert_eq!(holders(&bridge), [Some(4), Some(3)]);
+        // Nobody keeps a port for who comes back under another id.
+        bridge.everybody_leaves();
+        bridge.send_at(start + after(60.1), &frame(&[5]));
+        assert_eq!(holders(&bridge), [Some(5)]);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use crate::capture::STDIN;
 use crate::config::{Mistake, Setting};
 use crate::counted::counted;
 use crate::events::{EventConfig, Line};
-use crate::record::{self, BodiesRow, RowReader};
+use crate::record::{self, BodyReader};
 use crate::sink::{EventSink, Sinks};
 
 /// How pictures of a folder end.
@@ -174,13 +174,16 @@ fn follow<M: Message>(
 fn of_record(path: &Path, found: &mut EventSink, stop: &Stop) -> anyhow::Result<()> {
     let name = path.display().to_string();
     let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
-    let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
+    let mut bodies = BodyReader::new(BufReader::new(file), &name);
     let lines = Lines::start()?;
     let mut read = || -> anyhow::Result<()> {
         let mut frames = 0_u64;
-        while let Some(row) = rows.read()? {
-            let camera = camera_of(&row.source, path);
-            for message in &found.look(&row.message()) {
+        while let Some(frame) = bodies.read()? {
+            let camera = camera_of(bodies.source(), path);
+            if bodies.begins_anew() {
+                found.begin_anew();
+            }
+            for message in &found.look(&frame) {
                 lines.hand(Told::new(&camera, message), stop);
             }
             frames += 1;
@@ -192,9 +195,9 @@ fn of_record(path: &Path, found: &mut EventSink, stop: &Stop) -> anyhow::Result<
             }
         }
         if frames == 0 {
-            return Err(Failure::no_whole_frame(&name, "bodies", rows.was_cut()).into());
+            return Err(Failure::no_whole_frame(&name, "bodies", bodies.was_cut()).into());
         }
-        if rows.was_cut() {
+        if bodies.was_cut() {
             tracing::warn!("{name}: cut off inside a frame; the frames before it are used");
         }
         Ok(())

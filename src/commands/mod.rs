@@ -48,6 +48,7 @@ mod stop;
 pub mod synth;
 mod table;
 mod tally;
+mod threads;
 mod view;
 mod view_file;
 mod watch;

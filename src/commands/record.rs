@@ -105,7 +105,7 @@ fn take<T: Row<Message = M>, M: Message + Times>(
     stream: &Subscriber<M>,
     file: &mut GrowingRecord<T>,
 ) -> anyhow::Result<()> {
-    let mut ended = None;
+    let (mut ended, mut end) = (None, None::<Box<M>>);
     let began = Instant::now();
     let is_over =
         |since: Option<Instant>, limit| since.is_some_and(|t: Instant| t.elapsed() >= limit);
@@ -134,10 +134,16 @@ fn take<T: Row<Message = M>, M: Message + Times>(
                         "the camera has ended; the record goes on when it is back (Ctrl-C stops)",
                     );
                 }
+                end = (T::HAS_IDS && file.frames() > 0).then(|| Box::new(*frame));
                 continue;
             }
             ended = None;
-            let written = file.write(&frame, &args.camera);
+            // Numbers and times need not show that another publisher's frames follow.
+            let written = match end.take() {
+                Some(end) => file.write_end(&end, &args.camera),
+                None => Ok(()),
+            };
+            let written = written.and_then(|()| file.write(&frame, &args.camera));
             written.map_err(|cause| SinkError::Write {
                 path: args.to.clone(),
                 cause,

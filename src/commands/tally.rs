@@ -12,7 +12,7 @@ pub struct Tally {
     last_sequence: Option<u64>,
     /// How many people were in them.
     pub people: u64,
-    /// The highest id that the present `fit` has given: it counts up, so that not all need be kept for months.
+    /// The highest id: they count up, so that not all need be kept for months.
     newest: u32,
 }
 
@@ -29,11 +29,6 @@ impl Tally {
         let ids = frame.bodies().iter().map(|b| b.id);
         self.people += ids.clone().filter(|id| *id > self.newest).count() as u64;
         self.newest = ids.fold(self.newest, u32::max);
-    }
-
-    /// Another `fit` follows, which counts people from 1.
-    pub fn begin_anew(&mut self) {
-        self.newest = 0;
     }
 }
 
@@ -54,16 +49,16 @@ mod tests {
     }
 
     #[test]
-    fn people_are_counted_once_and_anew_where_another_fit_follows() {
+    fn people_are_counted_once_whatever_is_started_again() {
         let mut tally = Tally::default();
         tally.count(&frame(0, &[1, 2]));
         tally.count(&frame(1, &[3, 1, 2]));
         // The camera's process was started again, and whoever is there is known.
         tally.count(&frame(0, &[2, 3]));
         assert_eq!(tally.people, 3);
-        tally.begin_anew();
-        tally.count(&frame(5, &[1]));
-        tally.count(&frame(6, &[1]));
+        // Another `fit` gives other ids.
+        tally.count(&frame(5, &[4]));
+        tally.count(&frame(6, &[4]));
         assert_eq!((tally.people, tally.frames, tally.left_out), (4, 5, 4));
     }
 }

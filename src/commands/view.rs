@@ -17,8 +17,8 @@ use super::watch::{QUIET, nobody_yet};
 use super::{closed, doctor};
 use crate::bridge::websocket::APART;
 use crate::events::EventConfig;
-use crate::export::Clock;
-use crate::record::{self, BodiesRow, RowReader, Times};
+use crate::record::clock::Clock;
+use crate::record::{self, BodyReader, Times};
 use crate::sink::{EventSink, Sinks};
 
 /// How long to wait before looking at the signals again.
@@ -102,14 +102,16 @@ pub fn view(args: ViewArgs) -> anyhow::Result<()> {
 fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
     let name = path.display().to_string();
     let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
-    let mut rows = RowReader::<_, BodiesRow>::new(BufReader::new(file), &name);
+    let mut bodies = BodyReader::new(BufReader::new(file), &name);
     let server = PageServer::start("--listen", page, Past::Record, false)?;
     let mut found = EventSink::new(EventConfig::default(), Sinks::default());
     let (mut frames, mut timeline) = (0_u64, Timeline::default());
-    while let Some(row) = rows.read()? {
-        let camera = camera_of(&row.source, path);
-        let mut frame = row.message();
-        // By the record's own times, which say where it begins anew.
+    while let Some(mut frame) = bodies.read()? {
+        let camera = camera_of(bodies.source(), path);
+        if bodies.begins_anew() {
+            found.begin_anew();
+        }
+        // By the record's own times: those of a film go back where it begins anew.
         let happened = found.look(&frame);
         timeline.put(&mut frame);
         server.hub().publish(&camera, &frame);
@@ -123,9 +125,9 @@ fn recorded(path: &Path, page: &PageArgs, stop: &Stop) -> anyhow::Result<()> {
         }
     }
     if frames == 0 {
-        return Err(Failure::no_whole_frame(&name, "bodies", rows.was_cut()).into());
+        return Err(Failure::no_whole_frame(&name, "bodies", bodies.was_cut()).into());
     }
-    if rows.was_cut() {
+    if bodies.was_cut() {
         tracing::warn!("{name}: cut off inside a frame; the frames before it are shown");
     }
     server.hub().loaded();

@@ -7,12 +7,12 @@ use std::process::{Command, Stdio};
 use tempfile::NamedTempFile;
 
 use super::exit::{self, Failure};
-use super::say;
+use super::{say, threads};
 use crate::camera::DEFAULT_FOV;
 pub use crate::capture::is_film;
 use crate::counted::counted;
-use crate::export::usual_rate;
 use crate::message::{FLAG_FILE_TIME, Intrinsics, Observation, ObservationFrame};
+use crate::record::clock::usual_rate;
 use crate::record::{self, CameraSource, ObservationReader};
 use crate::supervise::tie;
 
@@ -347,8 +347,8 @@ pub fn in_part(camera: &str) -> String {
 
 /// Runs a film through `edgecap infer`, which ends with this process, at the best quality: nobody waits for its
 /// pictures one by one. `fov` is the lens's horizontal field of view, degrees, where one is known; a whole calibration
-/// would refuse pictures of another shape before the caller can say what is wrong with them. The record is complete,
-/// whatever is wrong with the film.
+/// would refuse pictures of another shape before the caller can say what is wrong with them. It has as many threads as
+/// are [given](threads::given) to the caller. The record is complete, whatever is wrong with the film.
 ///
 /// # Errors
 /// When it fails, or has seen no picture of a damaged film; it has said why.
@@ -365,6 +365,9 @@ pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<Look
         .args(["--quality", "best", "--asked"]);
     if let Some(lens) = &lens {
         command.arg("--camera").arg(lens.path());
+    }
+    if let Some(threads) = threads::given() {
+        command.args(["--threads", &threads.to_string()]);
     }
     tie(&mut command);
     let status = command

@@ -8,23 +8,19 @@ mod bvh;
 mod csv;
 mod error;
 mod gltf;
-mod lives;
 mod mannequin;
 mod motion;
 mod npz;
 mod plot;
 mod size;
 mod take;
-mod times;
 mod trc;
 
 pub use error::ExportError;
 pub use gltf::{MeshTrack, encode_meshes};
-pub use lives::Lives;
 pub use motion::{Axes, Motion};
 pub use plot::title as plot_title;
 pub use take::Take;
-pub use times::{Clock, RATE, Stamp, usual_rate, usual_step};
 
 use std::io::{self, Seek, Write};
 use std::path::{Path, PathBuf};

@@ -4,11 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::BufRead;
 
 use super::error::ExportError;
-use super::lives::Lives;
 use super::size;
-use super::times::{self, RATE};
 use crate::message::{Body, BodyFrame, World};
-use crate::record::{BodiesRow, RowReader};
+use crate::record::BodyReader;
+use crate::record::clock::{RATE, Stamp, seconds, usual_rate};
 
 /// No camera is faster: shorter steps are a record's mistake, and would make endless files. Frames a second.
 const MOST_RATE: f64 = 1e3;
@@ -75,20 +74,18 @@ impl Take {
         name: &str,
         person: Option<u32>,
     ) -> Result<Self, ExportError> {
-        let mut rows = RowReader::<_, BodiesRow>::new(input, name);
+        let mut frames = BodyReader::new(input, name);
         let mut take = Self {
             name: name.to_owned(),
             ..Self::default()
         };
-        let mut stamps: Vec<times::Stamp> = Vec::new();
-        let mut lives = Lives::default();
+        let mut stamps: Vec<Stamp> = Vec::new();
         let (mut ids, mut held) = (BTreeSet::new(), 0_u64);
-        while let Some(row) = rows.read()? {
-            let mut message = row.message();
+        while let Some(message) = frames.read()? {
             if let Some(id) = doubled(&message) {
-                return Err(rows.bad(format!("two people with the id {id}")).into());
+                let id = frames.recorded(id);
+                return Err(frames.bad(format!("two people with the id {id}")).into());
             }
-            lives.count_on(&mut message);
             let index = take.frames.len();
             stamps.push((message.sequence, message.pose_ns));
             take.frames.push(Frame {
@@ -112,8 +109,8 @@ impl Take {
             let bytes = held as f64 * size_of::<Sample>() as f64;
             size::expect(bytes, || format!("the bodies of {} frames", index + 1))?;
         }
-        take.was_cut = rows.was_cut();
-        take.keep(&times::seconds(&stamps));
+        take.was_cut = frames.was_cut();
+        take.keep(&seconds(&stamps));
         match person {
             Some(id) if take.people.is_empty() && ids.contains(&id) => Err(ExportError::NoTime {
                 name: name.to_owned(),
@@ -170,7 +167,7 @@ impl Take {
             let is_inhabited = pair.iter().all(|frame| frame.lowest_foot.is_some());
             (pair[1].time - pair[0].time, is_inhabited)
         });
-        times::usual_rate(steps).map_or(RATE, |rate| rate.min(MOST_RATE))
+        usual_rate(steps).map_or(RATE, |rate| rate.min(MOST_RATE))
     }
 
     /// The floor of the last frame that knows one.

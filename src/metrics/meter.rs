@@ -50,6 +50,7 @@ struct Counts {
     /// Start of the run as it was reported last, seconds since 1970.
     since: Option<u64>,
     sequence: Option<u64>,
+    highest_id: u32,
     /// When frames came, and how old each was, seconds.
     recent: VecDeque<(Instant, Option<f64>)>,
     /// Between the last two frames, and between the two before.
@@ -151,6 +152,8 @@ impl Meter {
     fn published_at(&self, now: Instant, frame: &BodyFrame) {
         let mut counts = self.counts();
         counts.people = frame.count;
+        let ids = frame.bodies().iter().map(|body| body.id);
+        counts.highest_id = ids.fold(counts.highest_id, u32::max);
         // Between two pictures bodies may be extrapolated.
         let skipped = match counts.sequence {
             Some(last) if frame.sequence == last => return,
@@ -192,6 +195,12 @@ impl Meter {
             counts.recent.pop_front();
         }
         counts.recent.push_back((now, age));
+    }
+
+    /// The number of the newest bodies, and the highest id of all; zeros before the first.
+    pub fn newest(&self) -> (u64, u32) {
+        let counts = self.counts();
+        (counts.sequence.unwrap_or_default(), counts.highest_id)
     }
 
     /// A process has been started so often since the camera began.
@@ -373,6 +382,20 @@ mod tests {
         assert_eq!([0, 1, 3].map(told), [0, 0, 2]);
         meter.begins_anew();
         assert_eq!([0, 1, 2].map(told), [2, 3, 4]);
+    }
+
+    #[test]
+    fn the_highest_id_is_that_of_all_who_were_ever_there() {
+        let meter = Meter::new("hall", "camera", &[]);
+        let mut seen = frame(7, 2);
+        (seen.bodies[0].id, seen.bodies[1].id) = (4, 9);
+        meter.published(&seen);
+        // Extrapolated before the next picture.
+        seen.bodies[1].id = 10;
+        meter.published(&seen);
+        meter.published(&frame(8, 0));
+        meter.begins_anew();
+        assert_eq!(meter.newest(), (8, 10));
     }
 
     #[test]

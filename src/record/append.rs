@@ -91,6 +91,19 @@ impl<T: Row> GrowingRecord<T> {
         self.write_at(Instant::now(), message, source)
     }
 
+    /// Adds the `end` of a publisher, which is no frame: another one's follow, whose ids may begin anew. Where no frame
+    /// is before it, as in a record that somebody has just moved, nothing is added.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn write_end(&mut self, end: &T::Message, source: &str) -> io::Result<()> {
+        self.make_ready(Instant::now())?;
+        match self.frames {
+            0 => Ok(()),
+            _ => self.put(end, source),
+        }
+    }
+
     /// Has the disk take what was written, in a thread: no frame may follow for a while.
     ///
     /// # Errors
@@ -101,18 +114,29 @@ impl<T: Row> GrowingRecord<T> {
     }
 
     fn write_at(&mut self, now: Instant, message: &T::Message, source: &str) -> io::Result<()> {
+        self.make_ready(now)?;
+        self.append(message, source)
+    }
+
+    fn make_ready(&mut self, now: Instant) -> io::Result<()> {
         let by_name = now.saturating_duration_since(self.synced) >= SYNC_EVERY;
         if by_name {
             self.synced = now;
             self.syncer.begin(&self.file)?;
         }
-        if !self.is_intact(by_name)? {
-            self.begin_anew()?;
+        match self.is_intact(by_name)? {
+            true => Ok(()),
+            false => self.begin_anew(),
         }
-        self.append(message, source)
     }
 
     fn append(&mut self, message: &T::Message, source: &str) -> io::Result<()> {
+        self.put(message, source)?;
+        self.frames += 1;
+        Ok(())
+    }
+
+    fn put(&mut self, message: &T::Message, source: &str) -> io::Result<()> {
         self.buffer.clear();
         encode(&T::new(message, source), self.format, &mut self.buffer)?;
         if let Err(e) = self.file.write_all(&self.buffer) {
@@ -122,7 +146,6 @@ impl<T: Row> GrowingRecord<T> {
             return Err(e);
         }
         self.whole += self.buffer.len() as u64;
-        self.frames += 1;
         self.made.keep();
         Ok(())
     }
@@ -166,7 +189,7 @@ mod tests {
     use rustix::fs::{MemfdFlags, SealFlags, fcntl_add_seals, memfd_create};
 
     use super::*;
-    use crate::message::{BodyFrame, MAX_PEOPLE};
+    use crate::message::{BodyFrame, FLAG_END_OF_STREAM, MAX_PEOPLE};
     use crate::record::{BodiesRow, RowReader};
 
     #[test]
@@ -216,6 +239,28 @@ mod tests {
             std::fs::remove_file(&path).unwrap();
             assert!(!record.finish().unwrap(), "{name}: it is not there");
         }
+    }
+
+    /// The time of such an end is of before: nothing that follows is due by it.
+    #[test]
+    fn a_record_that_was_removed_while_the_camera_was_away_begins_with_a_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jsonl");
+        let lines = || fs::read_to_string(&path).unwrap().lines().count();
+        let frame = BodyFrame::default();
+        let end = BodyFrame {
+            flags: FLAG_END_OF_STREAM,
+            ..frame
+        };
+        let mut record = GrowingRecord::<BodiesRow>::create(&path, Format::Jsonl).unwrap();
+        record.write(&frame, "").unwrap();
+        record.write_end(&end, "").unwrap();
+        assert_eq!(lines(), 2);
+        fs::remove_file(&path).unwrap();
+        record.write_end(&end, "").unwrap();
+        assert_eq!(lines(), 0);
+        record.write(&frame, "").unwrap();
+        assert_eq!(lines(), 1);
     }
 
     #[test]

@@ -28,6 +28,9 @@ pub fn put(frame: &[u8], out: &mut Vec<u8>) {
 }
 
 /// Takes the next frame's bytes.
+///
+/// # Errors
+/// Those of `input`; a frame that is cut off or too long is a [`Piece`].
 pub fn take<R: BufRead>(input: &mut R, buffer: &mut Vec<u8>) -> io::Result<Piece> {
     buffer.clear();
     let length = match read_up_to(input, 4, buffer)? {

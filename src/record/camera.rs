@@ -19,6 +19,9 @@ pub enum CameraSource<'a> {
 
 impl CameraSource<'_> {
     /// The camera of a row.
+    ///
+    /// # Errors
+    /// Why there is none for pictures of this size, or what is wrong with it.
     pub(super) fn of(self, row: &ObservationsRow) -> Result<Intrinsics, String> {
         if row.width == 0 || row.height == 0 {
             return Err(format!("a picture of {}×{} pixels", row.width, row.height));

@@ -7,13 +7,18 @@
 //!
 //! Readers tell the two apart by the first bytes. A file that was cut off, or that ends in zeros as after a power cut,
 //! plays to its last whole frame. Every finite number comes back with the same bits.
+//!
+//! A publisher that is recorded may end and come back, with ids from 1 anew: [`BodyReader`] gives everybody an id of
+//! their own, and [`clock`] the times of all on one clock.
 
 mod append;
 mod binary;
 mod camera;
+pub mod clock;
 mod error;
 mod flight;
 mod kind;
+mod lives;
 mod open;
 mod other;
 mod reader;
@@ -28,8 +33,9 @@ pub use error::RecordError;
 pub(crate) use error::no_whole_frame;
 pub use flight::FlightRecorder;
 pub use kind::Kind;
+pub use lives::Lives;
 pub use open::{expect_no_folder, open};
-pub use reader::{ObservationReader, RowReader, lines};
+pub use reader::{BodyReader, ObservationReader, RowReader, lines};
 pub use rows::{BodiesRow, ObservationsRow, Row};
 pub use times::Times;
 pub(crate) use writer::encode;

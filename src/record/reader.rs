@@ -7,9 +7,11 @@ use super::binary::{self, HEAD, MAGIC, Piece};
 use super::camera::CameraSource;
 use super::error::RecordError;
 use super::kind::Kind;
+use super::lives::Lives;
 use super::other;
 use super::rows::{BodiesRow, ObservationsRow, Row};
-use crate::message::ObservationFrame;
+use super::times::Times;
+use crate::message::{BodyFrame, ObservationFrame};
 
 /// Longest line that can be a frame: an endless one must not take all memory.
 const MAX_LINE: u64 = 8 << 20;
@@ -293,6 +295,73 @@ impl<'a, R: BufRead> ObservationReader<'a, R> {
         self.camera.turn(&row, frame);
         self.source = row.source;
         Ok(true)
+    }
+}
+
+/// Reads recorded bodies as the messages that `fit` publishes, but with ids that belong to one person each, as
+/// [`Lives`] counts them on. Ends of the stream are no frames.
+pub struct BodyReader<R> {
+    rows: RowReader<R, BodiesRow>,
+    lives: Lives,
+    begins_anew: bool,
+    source: String,
+}
+
+impl<R: BufRead> BodyReader<R> {
+    /// Reads from `input`; `name` is what errors call it.
+    pub fn new(input: R, name: impl Into<String>) -> Self {
+        Self {
+            rows: RowReader::new(input, name),
+            lives: Lives::default(),
+            begins_anew: false,
+            source: String::new(),
+        }
+    }
+
+    /// Whether the file ended inside a frame, which was left out.
+    pub fn was_cut(&self) -> bool {
+        self.rows.was_cut()
+    }
+
+    /// The `source` of the frame read last: a picture, film or camera, empty if it has none.
+    pub fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// Whether nobody who was there before the frame read last is there any more: another life begins with it, or it
+    /// follows an end.
+    pub fn begins_anew(&self) -> bool {
+        self.begins_anew
+    }
+
+    /// The next frame, `None` at the end.
+    ///
+    /// # Errors
+    /// [`RecordError`], naming the line.
+    pub fn read(&mut self) -> Result<Option<BodyFrame>, RecordError> {
+        let mut has_ended = false;
+        while let Some(row) = self.rows.read()? {
+            let mut frame = row.message();
+            if frame.is_end() {
+                self.lives.end();
+                has_ended = true;
+                continue;
+            }
+            self.begins_anew = self.lives.count_on(&mut frame) || has_ended;
+            self.source = row.source;
+            return Ok(Some(frame));
+        }
+        Ok(None)
+    }
+
+    /// What the id of somebody in the frame read last is in the record.
+    pub(crate) fn recorded(&self, id: u32) -> u32 {
+        self.lives.recorded(id)
+    }
+
+    /// As [`RowReader::bad`].
+    pub(crate) fn bad(&self, found: String) -> RecordError {
+        self.rows.bad(found)
     }
 }
 

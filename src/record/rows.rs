@@ -21,6 +21,8 @@ pub trait Row: Serialize + DeserializeOwned {
     const WRITTEN_BY: &'static str;
     /// What a binary record says it holds.
     const KIND: u8;
+    /// Whether ids tell people apart, which begin anew with another publisher.
+    const HAS_IDS: bool;
 
     /// The row of a message that came of the picture or film `source`.
     fn new(message: &Self::Message, source: &str) -> Self;
@@ -99,7 +101,7 @@ pub struct StageTimesRow {
 /// One person of an [`ObservationsRow`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ObservationRow {
-    /// Expected object keypoint similarity, 0–1.
+    /// Probability that somebody is there, 0–1.
     pub score: f32,
     /// u, v, confidence of the evidence joints.
     pub joints2d: Joints<3, EVIDENCE_JOINTS>,
@@ -249,6 +251,7 @@ impl Row for ObservationsRow {
     type Message = ObservationFrame;
     const WRITTEN_BY: &'static str = "`infer --jsonl`";
     const KIND: u8 = b'O';
+    const HAS_IDS: bool = false;
 
     fn new(frame: &ObservationFrame, source: &str) -> Self {
         Self {
@@ -390,6 +393,7 @@ impl Row for BodiesRow {
     type Message = BodyFrame;
     const WRITTEN_BY: &'static str = "`run --jsonl` or `fit --jsonl`";
     const KIND: u8 = b'B';
+    const HAS_IDS: bool = true;
 
     fn new(frame: &BodyFrame, source: &str) -> Self {
         Self {

@@ -196,6 +196,9 @@ pub(super) fn head<T: Row>(format: Format) -> Vec<u8> {
 }
 
 /// Appends a row.
+///
+/// # Errors
+/// If it cannot be written in this format.
 pub fn encode<T: Row>(row: &T, format: Format, out: &mut Vec<u8>) -> io::Result<()> {
     match format {
         Format::Jsonl => {

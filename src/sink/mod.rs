@@ -52,6 +52,9 @@ pub trait Sink<M> {
     /// until the next one.
     fn quiet(&mut self) {}
 
+    /// Says that nobody of before is there any more, although the stream goes on: whoever comes has an id of their own.
+    fn everybody_leaves(&mut self) {}
+
     /// Tells whoever reads that nothing follows; [`finish`](Self::finish) comes next.
     ///
     /// # Errors
@@ -108,6 +111,11 @@ impl<M> Sinks<M> {
     /// Tells every sink that no result has come for a while.
     pub fn quiet(&mut self) {
         self.0.iter_mut().for_each(|sink| sink.quiet());
+    }
+
+    /// Tells every sink that nobody of before is there any more.
+    pub fn everybody_leaves(&mut self) {
+        self.0.iter_mut().for_each(|sink| sink.everybody_leaves());
     }
 
     /// Has every sink tell that nothing follows, whether or not another one failed.

@@ -68,14 +68,10 @@ impl Child {
     /// # Errors
     /// If the options cannot be written.
     pub fn new<T: Serialize>(verb: &'static str, options: T) -> io::Result<Self> {
-        let supervisor = process::id().cast_signed();
         Ok(Self {
             program: PROGRAM.into(),
             verb,
-            job: serde_json::to_string(&Job {
-                supervisor,
-                options,
-            })?,
+            job: job(options)?,
             policy: Policy::new(Instant::now()),
             process: None,
             left: Left::default(),
@@ -86,6 +82,20 @@ impl Child {
             said_held: false,
             starts: 0,
         })
+    }
+
+    /// Gives it other options, from its next start on.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn give<T: Serialize>(&mut self, options: T) -> io::Result<()> {
+        self.job = job(options)?;
+        Ok(())
+    }
+
+    /// Whether there is a process of it, as far as the last [`tend`](Self::tend) has seen; else the next may start one.
+    pub fn is_there(&self) -> bool {
+        self.process.is_some()
     }
 
     /// The verb of another program.
@@ -251,6 +261,15 @@ impl Child {
     }
 }
 
+/// The job of a child of this process.
+fn job<T: Serialize>(options: T) -> io::Result<String> {
+    let supervisor = process::id().cast_signed();
+    Ok(serde_json::to_string(&Job {
+        supervisor,
+        options,
+    })?)
+}
+
 /// The argument and the standard input of a child with this job.
 fn hand_over(job: &str) -> io::Result<(&str, Stdio)> {
     if job.len() <= LONGEST_ARGUMENT {
@@ -354,6 +373,23 @@ mod tests {
             let job: Job<String> = serde_json::from_str(&job).unwrap();
             assert_eq!(job.options.len(), length);
         }
+    }
+
+    #[test]
+    fn it_starts_with_the_options_that_were_given_last() {
+        let folder = tempfile::tempdir().unwrap();
+        let [program, argument] = ["program", "argument"].map(|n| folder.path().join(n));
+        std::fs::write(&program, format!("printf %s \"$2\" > {argument:?}\n")).unwrap();
+        let verb = program.to_str().unwrap().to_owned().leak();
+        let mut child = Child::new(verb, 1).unwrap().of("sh");
+        child.give(2).unwrap();
+        assert!(!child.is_there());
+        while child.tend().unwrap().is_none() {
+            std::thread::yield_now();
+        }
+        let job = std::fs::read_to_string(&argument).unwrap();
+        let job: Job<u32> = serde_json::from_str(&job).unwrap();
+        assert_eq!(job.options, 2);
     }
 
     #[test]

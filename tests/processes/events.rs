@@ -332,6 +332,36 @@ fn where_a_record_that_is_replayed_begins_anew_everybody_leaves() {
     }
 }
 
+/// As of a camera whose service was started again: who comes then is somebody else, whatever their id.
+#[test]
+fn a_record_of_three_people_twice_tells_of_six() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("twice.record");
+    let mut writer = RecordWriter::<BodiesRow>::create(&path, Format::Binary).unwrap();
+    for sequence in (0..30).chain(0..30) {
+        let mut frame = BodyFrame {
+            sequence,
+            pose_ns: 7_000_000_000 + sequence * 33_000_000,
+            count: 3,
+            ..BodyFrame::default()
+        };
+        for (body, id) in frame.bodies.iter_mut().zip(1..=3) {
+            *body = standing(id, f64::from(id) - 2.0, 4.0);
+        }
+        writer.write(&frame, "").unwrap();
+    }
+    writer.finish().unwrap();
+    let settings = folder.path().join("none.toml");
+    std::fs::write(&settings, "").unwrap();
+    let told = events(path.to_str().unwrap(), settings.to_str().unwrap());
+    let of = |event: &str| -> Vec<u64> {
+        let those = told.iter().filter(|line| line["event"] == event);
+        those.map(|line| line["person"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(of("entered"), [1, 2, 3, 4, 5, 6]);
+    assert_eq!(of("left"), [1, 2, 3]);
+}
+
 /// What a run says on standard output, line by line.
 fn lines_of(run: &mut Running) -> Receiver<String> {
     let lines = BufReader::new(run.0.stdout.take().unwrap()).lines();

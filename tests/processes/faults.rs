@@ -19,9 +19,9 @@ use rand::{Rng, SeedableRng};
 
 use crate::program::place::{descriptors, memory, number, objects, own_place};
 use crate::program::stand_in::{StandIn, Watched, processes_of, program};
-use crate::program::{eventually, signal};
+use crate::program::{Running, eventually, signal, stream};
 use edgecap::camera::monotonic_ns;
-use edgecap::message::BodyFrame;
+use edgecap::message::{BodyFrame, EventFrame, EventKind};
 use edgecap_client::Subscriber;
 
 /// How long the next body may take on any machine.
@@ -72,6 +72,36 @@ fn grown(settled: Held, held: Held) -> bool {
 
 fn quantile(sorted: &[Duration], q: f64) -> Duration {
     sorted[((sorted.len() - 1) as f64 * q).round() as usize]
+}
+
+/// Whoever reads on when `fit` has crashed must not take somebody for another one.
+#[test]
+fn a_fit_that_was_killed_gives_no_id_again() {
+    let name = stream("no-id-again");
+    let events = Subscriber::<EventFrame>::open(&name).unwrap();
+    let run = Running::start(&[
+        "run", "--live", "--input", "demo", "--size", "256x160", "--name", &name,
+    ]);
+    let mut entered = Vec::new();
+    for fits in 1..=3 {
+        // The first events of each `fit` tell of somebody who enters.
+        eventually("somebody", || {
+            let frame = events.next(Duration::from_millis(100)).unwrap()?;
+            let enter = |kind| kind == EventKind::ENTERED;
+            let them = frame.events().iter().filter(|e| enter(e.kind));
+            entered.extend(them.map(|e| e.person));
+            (frame.first == 0 && frame.count > 0).then_some(())
+        });
+        assert!(entered.len() >= fits, "{entered:?}");
+        if fits < 3 {
+            let pid = eventually("fit", || run.child("fit"));
+            signal(pid, "KILL");
+        }
+    }
+    let mut others = entered.clone();
+    others.sort_unstable();
+    others.dedup();
+    assert_eq!(others.len(), entered.len(), "{entered:?}");
 }
 
 #[test]

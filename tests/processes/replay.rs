@@ -6,7 +6,9 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use edgecap::camera::monotonic_ns;
-use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, Row, RowReader};
+use edgecap::record::{
+    BodiesRow, BodyReader, Format, ObservationsRow, RecordWriter, Row, RowReader,
+};
 use edgecap_client::message::{
     Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Intrinsics, Observation,
     ObservationFrame,
@@ -225,6 +227,30 @@ fn numbers_and_ids_of_a_record_that_begin_anew_go_on_in_every_pass() {
         (numbers.len() == 12).then_some(())
     });
     assert!(numbers.is_sorted_by(|a, b| a < b), "{numbers:?}");
+}
+
+/// As of a run that ended after its first frame.
+#[test]
+fn after_the_end_of_a_publisher_the_same_number_is_another_frame_s() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = |n| BodyFrame {
+        sequence: 0,
+        ..frame(n)
+    };
+    let path = record::<BodiesRow>(folder.path(), [first(0), end_of(0), first(1)]);
+    let name = stream("same-number");
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let _run = Running::start(&["replay", path.to_str().unwrap(), "--name", &name]);
+    let mut found = Vec::new();
+    eventually("the end", || {
+        let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
+        if frame.flags & FLAG_END_OF_STREAM != 0 {
+            return Some(());
+        }
+        found.push((frame.sequence, frame.bodies()[0].id));
+        None
+    });
+    assert_eq!(found, [(0, 1), (1, 3)]);
 }
 
 /// A pipe can be read once, and is waited for.
@@ -453,7 +479,8 @@ fn a_recording_begins_with_what_comes_after_its_start() {
     assert_eq!(rows(&to), [frame(7)]);
 }
 
-/// As where the service of a camera is started again.
+/// As where the service of a camera is started again. Numbers and times go on: the end alone tells that the people are
+/// others.
 #[test]
 fn a_record_of_a_camera_that_ends_goes_on_when_it_is_back() {
     let folder = tempfile::tempdir().unwrap();
@@ -478,6 +505,29 @@ fn a_record_of_a_camera_that_ends_goes_on_when_it_is_back() {
     let recorded = rows(&to);
     assert_eq!(recorded[0], frame(0));
     assert_eq!(recorded.last(), Some(&frame(7)));
+    let mut bodies = BodyReader::new(BufReader::new(std::fs::File::open(&to).unwrap()), "test");
+    let mut people = Vec::new();
+    while let Some(frame) = bodies.read().unwrap() {
+        people.push(frame.bodies().iter().map(|b| b.id).collect::<Vec<_>>());
+    }
+    people.dedup();
+    assert_eq!(people, [[1, 2], [3, 4]]);
+
+    // Replayed, the stream goes on there, and so do ids.
+    let name = stream("comes-back-again");
+    let bodies = Subscriber::<BodyFrame>::open(&name).unwrap();
+    let replay = Running::start(&["replay", to.to_str().unwrap(), "--name", &name]);
+    let mut people = Vec::new();
+    eventually("the end", || {
+        let frame = bodies.next(Duration::from_secs(1)).unwrap()?;
+        people.extend(frame.bodies().iter().map(|b| b.id));
+        (frame.flags & FLAG_END_OF_STREAM != 0).then_some(())
+    });
+    people.sort_unstable();
+    people.dedup();
+    assert_eq!(people, [1, 2, 3, 4]);
+    let out = replay.wait(Duration::from_secs(60));
+    assert!(out.status.success(), "{}", stderr(&out));
 }
 
 /// A limit on the size of files stands in for a full disk.

@@ -106,6 +106,9 @@ fn parse_looks(text: &str) -> Result<f64, String> {
 }
 
 /// WIDTHxHEIGHT in multiples of 16.
+///
+/// # Errors
+/// What was expected.
 pub fn parse_size(text: &str) -> Result<(usize, usize), String> {
     let wrong = || {
         format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320")

@@ -101,6 +101,9 @@ fn share(text: &str) -> Result<f32, String> {
 }
 
 /// Runs `edgecap model import`.
+///
+/// # Errors
+/// Weights that cannot be read or do not fit the network, and an output that cannot be written.
 pub fn import(a: &Import) -> Result<()> {
     Apart::default()
         .reads("WEIGHTS", &a.weights)

@@ -95,6 +95,9 @@ enum PrecisionArg {
 }
 
 /// Runs `edgecap model`.
+///
+/// # Errors
+/// Models, weights and pictures that cannot be read or do not go together, and outputs that cannot be written.
 pub fn model(args: ModelArgs) -> Result<()> {
     match args.verb {
         Verb::Import(a) => import::import(&a),

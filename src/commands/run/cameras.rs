@@ -134,7 +134,10 @@ fn outcome(ended: impl Iterator<Item = anyhow::Result<()>>) -> anyhow::Result<()
     ended.min_by_key(rank).unwrap_or(Ok(()))
 }
 
-/// A run that is one of a camera.
+/// What a run that is one of a camera opens.
+///
+/// # Errors
+/// Names that cannot be; exit code 64 for a file, and for what only a file can have.
 pub fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
     let chosen = input::choose(&args.input)?;
     if !chosen.is_live() {

@@ -15,6 +15,7 @@ use crate::bridge::websocket::Hub;
 use crate::commands::bridges::Flight;
 use crate::commands::exit::Failure;
 use crate::commands::fit::FitTask;
+use crate::commands::fit::numbers::Before;
 use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
 use crate::commands::outputs::finish;
@@ -65,6 +66,7 @@ impl Plan {
                 stills: false,
                 rate: args.fitting.rate,
                 events: args.fitting.events.clone(),
+                before: Before::default(),
             },
         }
     }
@@ -93,14 +95,14 @@ pub fn run(
     for (camera, _) in &plan.infers {
         pictures.extend(PictureRelay::to_page(camera, camera, page, priority)?);
     }
-    // The page shows the pictures of whose bodies it shows: a room's are those of its first camera.
-    if let Some((first, _)) = plan.infers.first().filter(|(first, _)| *first != plan.name) {
-        pictures.extend(PictureRelay::to_page(first, &plan.name, page, priority)?);
+    if let Some(camera) = shown_of_room(&plan.name, plan.infers.iter().map(|(name, _)| &**name)) {
+        pictures.extend(PictureRelay::to_page(camera, &plan.name, page, priority)?);
     }
     if !plan.is_again {
         say_what_begins(&plan, &table);
     }
-    let mut fit = Child::new("fit", plan.fit)?;
+    let mut task = plan.fit;
+    let mut fit = Child::new("fit", &task)?;
     let mut infers = Infers::new(plan.infers)?;
     let (mut tally, mut silence) = (Tally::default(), Silence::default());
     let told = Told {
@@ -111,8 +113,15 @@ pub fn run(
     let outcome = watch(&bodies, stop, &mut infers, &mut fit, told, &mut |news| {
         let frame = match news {
             News::Bodies(frame) => frame,
-            News::AnotherFit => {
-                tally.begin_anew();
+            News::NoFit(fit) => {
+                // Whoever reads on, and records that go on, would take others for those before.
+                let (number, id) = meter.newest();
+                let before = Before { number, id };
+                if task.before != before {
+                    task.before = before;
+                    sinks.everybody_leaves();
+                    fit.give(&task)?;
+                }
                 return Ok(());
             }
             News::Look => {
@@ -144,6 +153,13 @@ pub fn run(
     ended
 }
 
+/// Whose pictures the page shows besides under a room's name, since it shows the pictures of whose bodies it shows: its
+/// first camera's. `None` where one camera has that name and is shown under it.
+fn shown_of_room<'a>(room: &str, mut cameras: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let first = cameras.next().filter(|first| *first != room)?;
+    cameras.all(|camera| camera != room).then_some(first)
+}
+
 /// Says what is published where, and how to look at it.
 fn say_what_begins(plan: &Plan, table: &Table) {
     let stream = service_name::<BodyFrame>(&plan.name);
@@ -172,8 +188,8 @@ struct Told<'a> {
 /// What a camera's stream and its processes bring.
 enum News<'a> {
     Bodies(&'a BodyFrame),
-    /// `fit` was started again.
-    AnotherFit,
+    /// There is no `fit` at the moment: it may be started at once.
+    NoFit(&'a mut Child),
     /// It is time to look what has happened.
     Look,
 }
@@ -194,7 +210,7 @@ fn watch(
     let mut infers_done: Option<Instant> = None;
     let mut end_seen = false;
     let mut flow = Flow::default();
-    let (mut starts, mut fits) = (0, 0);
+    let mut starts = 0;
     while !stop.requested() {
         let looked = Instant::now();
         let mut received = false;
@@ -205,7 +221,8 @@ fn watch(
                 take(News::Bodies(&frame))?;
                 received = true;
             }
-            if looked.elapsed() >= LOOK_EVERY {
+            // What a `fit` that is not there any more has published counts for the one after it, all of it.
+            if looked.elapsed() >= LOOK_EVERY && fit.is_there() {
                 break;
             }
         }
@@ -222,13 +239,12 @@ fn watch(
                 return Ok(());
             }
         } else {
+            if !fit.is_there() {
+                take(News::NoFit(fit))?;
+            }
             look_after(fit, meter.name(), meter)?;
         }
         meter.started(fit.verb(), fit.starts());
-        if fit.starts() > fits {
-            fits = fit.starts();
-            take(News::AnotherFit)?;
-        }
         let now = infers.starts() + fit.starts();
         if let Some(flight) = flight {
             // Each was started once; more is again.
@@ -264,4 +280,18 @@ fn watch(
     }
     pulse.stopping();
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_shows_one_cameras_pictures_under_one_name() {
+        let shown = |room| shown_of_room(room, ["hall", "yard"].into_iter());
+        assert_eq!(shown("room"), Some("hall"));
+        for camera in ["hall", "yard"] {
+            assert_eq!(shown(camera), None, "{camera} is shown under it");
+        }
+    }
 }

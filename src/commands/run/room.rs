@@ -11,6 +11,7 @@ use super::pulse::Pulse;
 use super::taken;
 use crate::camera::{CameraFile, View};
 use crate::capture::Mounting;
+use crate::commands::fit::numbers::Before;
 use crate::commands::fit::{FitTask, ROOM, choose_cameras};
 use crate::commands::infer::InferTask;
 use crate::commands::input::{CaptureSize, NamedInput};
@@ -65,6 +66,7 @@ pub fn run(
             stills: false,
             rate: fitting.rate,
             events: fitting.events,
+            before: Before::default(),
         },
     };
     // Cameras whose names are taken are tried again, and the others go on without them.

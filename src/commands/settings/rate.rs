@@ -20,6 +20,9 @@ pub fn parse_rate(text: &str) -> Result<u16, String> {
 }
 
 /// Reads the rate of the settings.
+///
+/// # Errors
+/// What was expected.
 pub fn rate<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
     from.deserialize_option(Rate)
 }

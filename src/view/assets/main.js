@@ -192,7 +192,10 @@ function take(frame) {
     showPicture();
     return;
   }
-  if (state.ended.delete(frame.camera)) showPicture();
+  if (state.ended.delete(frame.camera)) {
+    frame.begins = true;
+    showPicture();
+  }
   history.add(frame);
   if (![...select.options].some((o) => o.value === frame.camera)) {
     select.append(new Option(frame.camera));

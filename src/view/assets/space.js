@@ -113,6 +113,8 @@ export class Space {
     const last = new Map(frame.bodies.map((body) => [body.id, this.onFloor(frame, body)]));
     let n = 0;
     for (let k = index - 1; k >= 0 && frame.publishNs - frames[k].publishNs < TRAIL_NS; k--) {
+      // Before an end, and where numbers go back, others have the same ids.
+      if (frames[k + 1].begins || frames[k].sequence > frames[k + 1].sequence) break;
       const fresh = 1 - (frame.publishNs - frames[k].publishNs) / TRAIL_NS;
       for (const body of frames[k].bodies) {
         const from = last.get(body.id);

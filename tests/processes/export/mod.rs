@@ -260,6 +260,7 @@ fn glb_is_valid_and_its_animation_puts_the_joints_where_they_are() {
     let gltf = gltf::Gltf::from_slice(&bytes).unwrap();
     let blob = gltf.blob.as_deref().unwrap();
     assert_eq!((gltf.skins().count(), gltf.meshes().count()), (2, 2));
+    assert_eq!(RIG_BONES, 18);
     for (step, frame) in [(0, 0), (17, 17), (59, 59)] {
         let (places, time) = glb_places(&gltf.document, blob, 3, step);
         assert_eq!(places.len(), RIG_BONES);

@@ -88,6 +88,23 @@ fn long_a_browser_shows_who_is_published() {
     if let Some(path) = std::env::var_os("EDGECAP_SCREENSHOT") {
         browser.screenshot(path.as_ref());
     }
+    // Of another run the same ids are others': no way leads from one to the other. Its numbers may begin anew, …
+    let anew = |place: u64, sequence: u64| BodyFrame {
+        sequence,
+        publish_ns: crowd(10, 150 + sequence).publish_ns,
+        ..crowd(10, place)
+    };
+    publisher.publish(&anew(50, 0)).unwrap();
+    browser.until("edgecap.scene().sequence === 0 && edgecap.scene().trailPoints === 0");
+    // … or the end of the one before alone tells.
+    publisher.publish(&anew(60, 1)).unwrap();
+    browser.until("edgecap.scene().sequence === 1");
+    let mut end = anew(60, 1);
+    end.flags |= FLAG_END_OF_STREAM;
+    publisher.publish(&end).unwrap();
+    browser.until("edgecap.scene().state.endsWith(': the input has ended')");
+    publisher.publish(&anew(70, 2)).unwrap();
+    browser.until("edgecap.scene().sequence === 2 && edgecap.scene().trailPoints === 0");
     // Opened again it has the past that was there before it.
     browser.open(&view.url);
     browser.until("window.edgecap && edgecap.frames().length > 100");

@@ -128,6 +128,14 @@ fn what_has_happened_in_a_record_is_told_to_who_comes() {
     let (come, gone) = (["entered", "main_person"], ["left", "main_person"]);
     assert_eq!(events, [come, gone, come].concat());
     assert!(told.is_sorted_by_key(|(_, time)| *time), "{told:?}");
+    // Who is in the second take has an id of their own, as in exported files.
+    let mut bodies = view.connect("?format=binary&history=1");
+    let shown = (0..80).map(|_| {
+        let frame = bodies.read().unwrap().into_data();
+        // Behind the head and the five bytes of the name, padded to eight.
+        u32::from_le_bytes(frame[136..140].try_into().unwrap())
+    });
+    assert_eq!(shown.collect::<Vec<_>>(), [[1; 40], [2; 40]].concat());
     // The second take begins a step after the end of the first, at 4.9 s.
     assert_eq!(told[2].1, 5_000_000_000, "{told:?}");
     // In the compact form, too, and of this camera only.

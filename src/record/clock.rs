@@ -13,7 +13,7 @@ pub type Stamp = (u64, u64);
 /// Seconds after the first frame, rising; `None` for a frame that is to be left out, as it is no later than the last.
 ///
 /// Times that go back far belong to another recording, which goes on where the one before has ended. Where most frames
-/// are no later than the one before, numbers tell the times.
+/// are no later than the one before, they are evenly spaced, [`RATE`] a second.
 pub fn seconds(stamps: &[Stamp]) -> Vec<Option<f64>> {
     let Some(usual) = usual_step(stamps) else {
         let numbers = 0..stamps.len();

@@ -1,0 +1,148 @@
+//! One record, played.
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use edgecap_client::message::ObservationFrame;
+use edgecap_client::service_name;
+
+use super::ReplayArgs;
+use super::clock::Clock;
+use super::records::{bodies, observations, open};
+use super::target::{BodyStreams, Target};
+use crate::camera::monotonic_ns;
+use crate::commands::exit::Failure;
+use crate::commands::fit::numbers::Numbers;
+use crate::commands::stop::Stop;
+use crate::commands::{events, say};
+use crate::counted::counted;
+use crate::record::{Kind, Times};
+use crate::sink::{SharedMemorySink, Streamed};
+
+/// Calls its argument with every frame of the record until that says `false`; whether the record ends inside a frame.
+type Rows<'a, M> =
+    &'a mut dyn FnMut(&mut dyn FnMut(&M) -> anyhow::Result<bool>) -> anyhow::Result<bool>;
+
+/// One record, and what it is published as.
+#[derive(Clone, Copy)]
+pub struct Take<'a> {
+    /// What the user wants.
+    pub args: &'a ReplayArgs,
+    /// Where it lies.
+    pub record: &'a Path,
+    /// Under which it is published.
+    pub name: &'a str,
+    /// Usually between two of its frames, nanoseconds; `None` where times do not rise.
+    pub step: Option<u64>,
+    /// When the user has enough.
+    pub stop: &'a Stop,
+    /// Whether one of several could not be played.
+    pub has_failed: &'a AtomicBool,
+    /// When the first frame of several records is due.
+    pub began: Instant,
+    /// Of several records, when the first frame of all was taken.
+    pub together: Option<u64>,
+}
+
+impl Take<'_> {
+    fn must_end(&self) -> bool {
+        self.stop.requested() || self.has_failed.load(Ordering::Relaxed)
+    }
+
+    /// Plays it until its end, or until it must end before.
+    ///
+    /// # Errors
+    /// A record that cannot be read or holds nothing, a name that is taken, and shared memory that fails.
+    pub fn publish(&self) -> anyhow::Result<()> {
+        match Kind::of(&mut open(self.record)?) {
+            Some(Kind::Bodies) => {
+                let config = events::config(self.args.events.as_ref())?;
+                let to = BodyStreams::open(self.name, config)?;
+                self.play("bodies", to, &mut |take| bodies(self.record, take))
+            }
+            Some(Kind::Observations) => {
+                let to = SharedMemorySink::<ObservationFrame>::open(self.name)?;
+                self.play("observations", to, &mut |take| {
+                    observations(self.record, take)
+                })
+            }
+            None => Err(Failure::data(format!(
+                "{}: expected a record of bodies or observations, found something else; 'edgecap record' makes one",
+                self.record.display()
+            ))
+            .into()),
+        }
+    }
+
+    fn play<M: Streamed + Times>(
+        &self,
+        what: &str,
+        mut to: impl Target<M>,
+        rows: Rows<'_, M>,
+    ) -> anyhow::Result<()> {
+        let name = self.record.display().to_string();
+        say::err(&format!(
+            "{name} → shared memory {} (Ctrl-C stops)",
+            service_name::<M>(self.name)
+        ));
+        let mut frames = 0_u64;
+        let mut numbers = Numbers::default();
+        let began = match self.together {
+            Some(_) => self.began,
+            None => Instant::now(),
+        };
+        let mut clock = Clock::new(self.args.speed, began, self.step, self.together);
+        let outcome = loop {
+            let before = frames;
+            let played = rows(&mut |recorded| {
+                if recorded.is_end() {
+                    // Of those who read along none must end by it: more follows.
+                    numbers.begin_anew();
+                    to.publisher_ended();
+                    return Ok(true);
+                }
+                let mut recorded = Box::new(*recorded);
+                to.count_on(&mut recorded);
+                let mut message = recorded.clone();
+                if self.together.is_some() {
+                    message.keep_times();
+                }
+                clock.wait(&*message, || self.must_end());
+                if self.must_end() {
+                    return Ok(false);
+                }
+                message.renumber(numbers.go_on(recorded.number()));
+                message.publish_at(monotonic_ns());
+                to.take(&message, &recorded)?;
+                frames += 1;
+                Ok(true)
+            });
+            let was_cut = match played {
+                Ok(was_cut) => was_cut,
+                Err(e) => break Err(e),
+            };
+            if self.must_end() {
+                break Ok(());
+            }
+            if frames == before {
+                break Err(Failure::no_whole_frame(&name, what, was_cut).into());
+            }
+            // Of further passes nobody has to be told again.
+            if was_cut && before == 0 {
+                tracing::warn!("{name}: cut off inside a frame; the frames before it are replayed");
+            }
+            if !self.args.again {
+                break Ok(());
+            }
+            numbers.begin_anew();
+            to.begin_anew();
+            clock = clock.next_pass(Instant::now());
+        };
+        let finished = to.finish();
+        outcome?;
+        finished?;
+        say::out(&counted(frames, "frame", "frames"));
+        Ok(())
+    }
+}
