@@ -119,6 +119,7 @@ each!(
     calibration,
     fit_config,
     messages,
+    ring,
     body
 );
 

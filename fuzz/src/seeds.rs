@@ -1,12 +1,13 @@
 //! What fuzzing starts from: one or two whole, tiny inputs of every format, made from code so that no file goes stale.
 
 use std::io::Cursor;
+use std::ops::Range;
 
 use edgecap::body::mesh::{JOINTS, PARENTS};
 use edgecap::capture::{AviWriter, Frame};
 use edgecap::engine::{Model, Network};
 use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
-use edgecap::message::{Body, BodyFrame, Intrinsics, ObservationFrame};
+use edgecap::message::{Body, BodyFrame, EventFrame, Intrinsics, ObservationFrame};
 use edgecap::npz::{self, Array, Values};
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, Row};
 use edgecap_client::Message;
@@ -99,6 +100,7 @@ pub fn seeds(target: &str) -> Vec<Vec<u8>> {
         "calibration" => CALIBRATIONS.map(Into::into).to_vec(),
         "fit_config" => vec![FIT_CONFIG.into()],
         "messages" => messages(),
+        "ring" => vec![ring(3, 2), ring(u64::MAX, 4)],
         "body" => vec![body(false), body(true)],
         other => panic!("expected one of TARGETS, found {other}"),
     }
@@ -462,6 +464,33 @@ fn messages() -> Vec<Vec<u8>> {
         head(&to_bytes(&*observation_frame(0)), 0),
         head(&to_bytes(&*body_frame(0)), 1),
     ]
+}
+
+/// Bytes of the header of a stream's file (`clients/rust/src/ring/mod.rs`).
+pub const RING_HEADER: usize = 64;
+/// Where its count is.
+pub const RING_COUNT: Range<usize> = 32..40;
+/// Where its publisher's last sign of life is.
+pub const RING_ALIVE: Range<usize> = 40..48;
+
+/// The file of a stream of events with so many messages, of which one is here; then the count that comes next.
+fn ring(count: u64, next: u64) -> Vec<u8> {
+    let (version, size) = (EventFrame::VERSION, size_of::<EventFrame>() as u32);
+    let slots = edgecap_client::BUFFER as u32 + 1;
+    let mut bytes = b"EDGECAP\x01".to_vec();
+    for number in [version, size, slots, 0] {
+        bytes.extend(number.to_ne_bytes());
+    }
+    for number in [1, count, 0, 0, 0_u64] {
+        bytes.extend(number.to_ne_bytes());
+    }
+    let message = EventFrame {
+        count: 1,
+        ..EventFrame::default()
+    };
+    bytes.extend(&to_bytes(&message)[..128]);
+    bytes.extend(next.to_ne_bytes());
+    bytes
 }
 
 const REQUEST: &str = "GET /bodies?format=json&camera=hall HTTP/1.1\r\nHost: localhost:1\r\nOrigin: http://localhost:1\r\n\r\n";

@@ -3,15 +3,18 @@
 //! `fuzz_targets/` hands them to libFuzzer; `tests/fuzz.rs` of the main workspace runs them over seeds and damaged
 //! seeds.
 
+use std::fs::OpenOptions;
 use std::io::Cursor;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::time::Duration;
 
 use edgecap::body::BodyModel;
 use edgecap::body::mesh::{FREEDOM, MeshBody, PosedTree, Skin};
-use edgecap::camera::CameraFile;
 use edgecap::camera::calibration::{
     Calibration as Calibrated, check, read_colmap, read_easymocap, read_opencv, read_pose2sim,
     read_qtm, write_pose2sim,
 };
+use edgecap::camera::{CameraFile, monotonic_ns};
 use edgecap::capture::{AviReader, Frame, MjpegReader, PhotoDecoder, Source, Y4mReader};
 use edgecap::detect::{AssociationConfig, Associator};
 use edgecap::engine::model::Calibration;
@@ -23,9 +26,10 @@ use edgecap::export::Take;
 use edgecap::fit::{FitConfig, Fitter};
 use edgecap::http::Request;
 use edgecap::joints::EVIDENCE_JOINTS;
-use edgecap::message::{Body, BodyFrame, ObservationFrame};
+use edgecap::message::{Body, BodyFrame, EventFrame, ObservationFrame};
 use edgecap::overlay::{Glyphs, Person, Screen, characters, draw};
 use edgecap::record::{BodiesRow, CameraSource, ObservationReader, Row, RowReader};
+use edgecap_client::{BUFFER, Subscriber};
 
 use crate::seeds;
 
@@ -51,6 +55,7 @@ pub const TARGETS: &[Target] = &[
     ("calibration", calibration),
     ("fit_config", fit_config),
     ("messages", messages),
+    ("ring", ring),
     ("body", body),
 ];
 
@@ -387,6 +392,47 @@ pub fn messages(data: &[u8]) {
             show(frame.bodies());
         }
     }
+}
+
+/// A stream's file, whose count becomes another one while it is read. Its sign of life is made right first: what the
+/// dead left is not read.
+pub fn ring(data: &[u8]) {
+    let folder = tempfile::tempdir().expect("a folder can be made");
+    let mut bytes = data.to_vec();
+    if let Some(alive) = bytes.get_mut(seeds::RING_ALIVE) {
+        alive.copy_from_slice(&monotonic_ns().to_ne_bytes());
+    }
+    let whole = (seeds::RING_HEADER + (BUFFER + 1) * size_of::<EventFrame>()) as u64;
+    let file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(folder.path().join("camera0.events.v1"));
+    let file = file.expect("a file can be made");
+    file.write_all_at(&bytes, 0).expect("it can be written");
+    // What is shorter than a header stays so.
+    if bytes.len() >= seeds::RING_HEADER {
+        file.set_len(whole)
+            .expect("it can be as long as a whole one");
+    }
+    let Ok(reader) = Subscriber::<EventFrame>::open_at(folder.path(), "camera0") else {
+        return;
+    };
+    let read = || {
+        let next = || reader.next(Duration::ZERO).expect("a file can be read");
+        let frames = std::iter::from_fn(next).take(2 * BUFFER);
+        let names = frames.map(|f| f.events().iter().map(|e| e.zone().len()).sum::<usize>());
+        names.count()
+    };
+    assert!(read() <= BUFFER, "it holds no more than that");
+    if let Some(count) = data.last_chunk::<8>() {
+        file.write_all_at(count, seeds::RING_COUNT.start as u64)
+            .expect("it can be written");
+    }
+    assert!(read() <= BUFFER, "it holds no more than that");
+    let newest = reader.newest(Duration::ZERO);
+    newest.expect("a file can be read");
+    assert!(reader.publisher_count() <= 1);
 }
 
 /// Fits one frame and holds what comes out against what every reader may count on.

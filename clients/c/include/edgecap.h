@@ -10,7 +10,9 @@
  *
  * While a reader is opened, and whenever a run comes back, the whole process's umask is 0177 for a moment: open it before
  * other threads make files or start programs.  A reader does not outlive fork() or daemon(): open it in the process that
- * reads. */
+ * reads.  Programs that this one starts keep some 15 of a reader's descriptors open, and with them the memory of runs that
+ * have ended; one that changes its user may still write there.  Between fork() and exec() close them:
+ * close_range(3, ~0U, CLOSE_RANGE_CLOEXEC), from Linux 5.11 on. */
 #ifndef EDGECAP_H
 #define EDGECAP_H
 
@@ -28,6 +30,8 @@ extern "C" {
 #define EDGECAP_BODY_JOINTS 21
 #define EDGECAP_DOF 29
 #define EDGECAP_BONES 16
+#define EDGECAP_COCO_KEYPOINTS 17
+#define EDGECAP_KINECT_JOINTS 32
 
 /* Indices of joints; the first EDGECAP_EVIDENCE_JOINTS are those of observations. */
 enum edgecap_joint {
@@ -164,7 +168,7 @@ typedef struct edgecap_stage_times {
 
 /* One person with an identity. */
 typedef struct edgecap_body {
-    uint32_t id;          /* from 1, never reused while `fit` runs */
+    uint32_t id;          /* from 1, never given twice while `run` runs, or `fit` alone */
     uint32_t state;       /* enum edgecap_body_state */
     float score;          /* overall confidence, 0 to 1 */
     float position[3];    /* pelvis in camera space, metres */
@@ -317,6 +321,14 @@ const char *edgecap_event_name(uint32_t kind);
  * themselves); -1 for numbers that are none. */
 int edgecap_joint_parent(uint32_t joint);
 int edgecap_bone_parent(uint32_t bone);
+
+/* Other layouts: the names of COCO's keypoints and of Azure Kinect's joints (without K4ABT_JOINT_), in their order, and
+ * the enum edgecap_joint for each.  NULL and -1 for numbers that are none; -1 also where no joint of ours fits, as in the
+ * face.  Left and right are the person's own in all. */
+const char *edgecap_coco_name(uint32_t keypoint);
+const char *edgecap_kinect_name(uint32_t joint);
+int edgecap_coco_joint(uint32_t keypoint);
+int edgecap_kinect_joint(uint32_t joint);
 
 /* Why this thread's last call with a reader or a frame failed, one line; "" when it did not.  Valid until the next such call. */
 const char *edgecap_error(void);

@@ -4,7 +4,10 @@ use std::ffi::{CString, c_char, c_int};
 use std::ptr::null;
 use std::sync::LazyLock;
 
-use edgecap_client::joints::{ANGLE_NAMES, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES, PARENTS};
+use edgecap_client::joints::{
+    ANGLE_NAMES, COCO_JOINTS, COCO_KEYPOINTS, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES,
+    KINECT_JOINTS, KINECT_NAMES, PARENTS,
+};
 use edgecap_client::message::EventKind;
 
 static JOINTS: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&JOINT_NAMES));
@@ -14,6 +17,8 @@ static EVENTS: LazyLock<Vec<CString>> = LazyLock::new(|| {
     with_ends(&names)
 });
 static BONES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&HUMANOID_BONES));
+static COCO: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&COCO_KEYPOINTS));
+static KINECT: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&KINECT_NAMES));
 
 /// Name of a joint, such as `r_wrist`; null for numbers that are none.
 #[unsafe(no_mangle)]
@@ -47,6 +52,35 @@ fn parent(parents: &[usize], of: u32) -> c_int {
 #[unsafe(no_mangle)]
 pub extern "C" fn edgecap_bone_name(bone: u32) -> *const c_char {
     BONES.get(bone as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// COCO's name of a keypoint, such as `left_wrist`; null for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_coco_name(keypoint: u32) -> *const c_char {
+    COCO.get(keypoint as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// The body joint for a keypoint of COCO; −1 in the face, and for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_coco_joint(keypoint: u32) -> c_int {
+    joint(&COCO_JOINTS, keypoint)
+}
+
+/// Azure Kinect's name of a joint, such as `WRIST_LEFT`; null for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_kinect_name(joint: u32) -> *const c_char {
+    KINECT.get(joint as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// The body joint for one of Azure Kinect's; −1 where there is none, and for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_kinect_joint(kinect: u32) -> c_int {
+    joint(&KINECT_JOINTS, kinect)
+}
+
+fn joint(joints: &[Option<usize>], of: u32) -> c_int {
+    let joint = joints.get(of as usize).copied().flatten();
+    joint.map_or(-1, |j| j as c_int)
 }
 
 /// Name of what has happened, such as `zone_entered`; null for numbers that are none.

@@ -46,11 +46,15 @@ from .message import (
 from .names import (
     ANGLE_NAMES,
     BODY_JOINTS,
+    COCO_JOINTS,
+    COCO_KEYPOINTS,
     DOF,
     EVIDENCE_JOINTS,
     HUMANOID_BONES,
     HUMANOID_PARENTS,
     JOINT_NAMES,
+    KINECT_JOINTS,
+    KINECT_NAMES,
     PARENTS,
 )
 from .place import cameras, reading_dirs, runtime_dir
@@ -63,6 +67,8 @@ __all__ = [
     "ANGLE_NAMES",
     "APPEARANCE_BINS",
     "BODY_JOINTS",
+    "COCO_JOINTS",
+    "COCO_KEYPOINTS",
     "DOF",
     "EVENTS",
     "EVIDENCE_JOINTS",
@@ -73,6 +79,8 @@ __all__ = [
     "HUMANOID_PARENTS",
     "JOINT_NAMES",
     "JOINT_STATES",
+    "KINECT_JOINTS",
+    "KINECT_NAMES",
     "MAX_EVENTS",
     "MAX_PEOPLE",
     "PARENTS",

@@ -118,7 +118,7 @@ class Body(_Person):
     ]
 
     id: int
-    """Identity, from 1, never given twice while `fit` runs."""
+    """Identity, from 1, never given twice while `run` runs, or `fit` alone."""
     score: float
     """Overall confidence, 0-1."""
     position: Row

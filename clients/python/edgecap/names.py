@@ -43,6 +43,31 @@ HUMANOID_BONES: Final[tuple[str, ...]] = tuple(
 HUMANOID_PARENTS: Final[tuple[int, ...]] = (0, 0, 1, 2, 1, 4, 5, 1, 7, 8, 0, 10, 11, 0, 13, 14)
 """The bone that carries each bone; the hips carry themselves."""
 
+COCO_KEYPOINTS: Final[tuple[str, ...]] = tuple(
+    (
+        "nose left_eye right_eye left_ear right_ear left_shoulder right_shoulder left_elbow right_elbow left_wrist "
+        "right_wrist left_hip right_hip left_knee right_knee left_ankle right_ankle"
+    ).split()
+)
+"""COCO's names, in its order; left and right are the person's own, as everywhere here."""
+COCO_JOINTS: Final[tuple[int | None, ...]] = (None, None, None, None, None, 5, 2, 6, 3, 7, 4, 11, 8, 12, 9, 13, 10)
+"""The body joint for each of COCO's keypoints; None in the face, of which no body joint is a part."""
+
+KINECT_NAMES: Final[tuple[str, ...]] = tuple(
+    (
+        "PELVIS SPINE_NAVEL SPINE_CHEST NECK CLAVICLE_LEFT SHOULDER_LEFT ELBOW_LEFT WRIST_LEFT HAND_LEFT "
+        "HANDTIP_LEFT THUMB_LEFT CLAVICLE_RIGHT SHOULDER_RIGHT ELBOW_RIGHT WRIST_RIGHT HAND_RIGHT HANDTIP_RIGHT "
+        "THUMB_RIGHT HIP_LEFT KNEE_LEFT ANKLE_LEFT FOOT_LEFT HIP_RIGHT KNEE_RIGHT ANKLE_RIGHT FOOT_RIGHT HEAD NOSE "
+        "EYE_LEFT EAR_LEFT EYE_RIGHT EAR_RIGHT"
+    ).split()
+)
+"""Azure Kinect's names without `K4ABT_JOINT_`, in its order; left and right are the person's own."""
+KINECT_JOINTS: Final[tuple[int | None, ...]] = (
+    14, 15, None, 1, None, 5, 6, 7, 18, None, None, None, 2, 3, 4, 17,
+    None, None, 11, 12, 13, 20, 8, 9, 10, 19, 16, None, None, None, None, None,
+)
+"""The body joint for each of Azure Kinect's; None where there is none."""
+
 
 def unknown(what: str, name: str, known: tuple[str, ...]) -> UnknownName:
     """The error for a name that is none of `known`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import grp
 import os
 import re
@@ -16,7 +17,7 @@ BODIES_VERSION: Final = 2
 def runtime_dir() -> str:
     """The folder that this user's processes publish in."""
     if named := os.environ.get("EDGECAP_RUNTIME_DIR"):
-        return named
+        return _from_here(named)
     if _is_own(SERVICE_DIR):
         return SERVICE_DIR
     for session in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{os.geteuid()}"):
@@ -35,7 +36,7 @@ def reading_dirs() -> list[str]:
         return dirs
     if os.access(SERVICE_DIR, os.R_OK | os.X_OK):
         dirs.append(SERVICE_DIR)
-    if _is_own(_without_session()):
+    if _is_own_itself(_without_session()):
         dirs.append(_without_session())
     return list(dict.fromkeys(dirs))
 
@@ -67,6 +68,16 @@ def _group(number: int) -> str:
         return str(number)
 
 
+@functools.lru_cache(maxsize=None)
+def _from_here(folder: str) -> str:
+    """The same folder for as long as the process runs, wherever that goes meanwhile."""
+    try:
+        return folder if os.path.isabs(folder) else os.path.join(os.getcwd(), folder)
+    except FileNotFoundError:
+        # The process runs in a folder that was removed: nothing is in it.
+        return folder
+
+
 def _without_session() -> str:
     return f"/dev/shm/edgecap-{os.geteuid()}"
 
@@ -94,3 +105,8 @@ def _is_own(folder: str) -> bool:
         return os.path.isdir(folder) and os.stat(folder).st_uid == os.geteuid()
     except OSError:
         return False
+
+
+def _is_own_itself(folder: str) -> bool:
+    """As `_is_own`, in a folder for everybody, where a link of somebody else's may lead here."""
+    return _is_own(folder) and not os.path.islink(folder)

@@ -325,7 +325,7 @@ class Stream(Generic[M]):
         if not ring.was_alive or (may_be_old and self._is_stale(ring)):
             begin = count
         elif known and known[0] == ring.life:
-            begin = max(known[1], count - (SLOTS - 1))
+            begin = min(max(known[1], count - (SLOTS - 1)), count)
         else:
             begin = max(0, count - (1 if first else SLOTS - 1))
         # A child that is forked in between finds no file, or one with its place.
@@ -357,6 +357,8 @@ class Stream(Generic[M]):
         if left:
             self._left = left.life, self._next
         self._ring = None
+        if self._wake:
+            self._wake.leave()
         if left:
             left.close()
             self._searches_since = time.monotonic()
@@ -370,7 +372,11 @@ class Stream(Generic[M]):
     def _read(self) -> M | None:
         while self._ring:
             count = self._ring.count(self._next)
-            if self._next >= count:
+            if self._next > count:
+                # A writer only counts up.  Somebody else wrote into it: as good as not there.
+                self._forget()
+                return None
+            if self._next == count:
                 return None
             self._next = max(self._next, count - (SLOTS - 1))
             message = self._message()

@@ -17,7 +17,8 @@ _STEP_S: Final = 0.005
 class Wake:
     """Wakes when a file's attributes change (inotify): a publisher sets its file's times with each message.
 
-    A user has so many of these (/proc/sys/fs/inotify): where there is none left, it wakes every few milliseconds.
+    A user has so many of these (/proc/sys/fs/inotify): where there is none left for a file that is read, it wakes every
+    few milliseconds.
     """
 
     _ATTRIB: Final = 0x4
@@ -33,7 +34,6 @@ class Wake:
         self._watched = -1
         self._libc = ctypes.CDLL(None, use_errno=True)
         self._fd: int = self._libc.inotify_init1(self._NONBLOCK | self._CLOEXEC)
-        self._is_told = self._fd >= 0
         self._is_refused = False
 
     def is_of_this_process(self) -> bool:
@@ -50,15 +50,19 @@ class Wake:
 
     def watch(self, path: str) -> None:
         """Watches this file instead of the one before."""
-        if self._fd < 0:
-            return
         self._unwatch()
         self._path = path
         self._add()
 
+    def leave(self) -> None:
+        """Watches no file any more.  What wakes the process that a child was forked from stays as it is."""
+        if self.is_of_this_process():
+            self._unwatch()
+        self._path, self._is_refused = None, False
+
     def watches(self) -> bool:
         """Tries again to watch the file where the kernel refused it; whether it refuses no more."""
-        if self._is_refused and self._fd >= 0:
+        if self._is_refused:
             self._add()
         return not self._is_refused
 
@@ -70,8 +74,12 @@ class Wake:
         try:
             if self._is_closed:
                 return
-            if not self._is_told:
+            if self._is_refused:
                 time.sleep(min(timeout_s, _STEP_S))
+                return
+            if self._fd < 0:
+                # No file is there that a message could come in.
+                time.sleep(timeout_s)
                 return
             # Unlike select, it takes numbers above 1023.
             poll = select.poll()
@@ -101,10 +109,13 @@ class Wake:
 
     def _add(self) -> None:
         assert self._path is not None
+        if self._fd < 0:
+            self._is_refused = True
+            return
+        ctypes.set_errno(0)
         self._watched = self._libc.inotify_add_watch(self._fd, os.fsencode(self._path), self._ATTRIB)
-        self._is_told = self._watched >= 0
-        # A file that has gone meanwhile is nothing that the kernel has refused.
-        self._is_refused = not self._is_told and ctypes.get_errno() != errno.ENOENT
+        # In a file that has gone meanwhile nothing comes, and nothing was refused.
+        self._is_refused = self._watched < 0 and ctypes.get_errno() != errno.ENOENT
 
     def _unwatch(self) -> None:
         if self._watched >= 0:

@@ -68,9 +68,16 @@ impl Domain {
         made().map_err(|e| LinkError::place(folder, format!("making a folder in it: {e}")))
     }
 
-    /// Joins the one that a publisher named; `None` where it has gone, or is another user's: what root left in it that
-    /// user could not open, nor remove.
+    /// Joins the one that a publisher named; `None` where it has gone, is another user's (what root left in it that
+    /// user could not open, nor remove), or has a path too long for a socket. Links on the way there may be as long as
+    /// they like.
     pub(crate) fn join(folder: &Path, id: u64) -> io::Result<Option<Self>> {
+        let folder = match folder.canonicalize() {
+            Ok(folder) if folder.as_os_str().len() <= LONGEST_FOLDER => folder,
+            Ok(_) => return Ok(None),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(e),
+        };
         let path = folder.join(name(id));
         let lock = match open_lock(&path) {
             Ok(lock) => lock,
@@ -246,6 +253,19 @@ pub(crate) fn remove_if_dead(folder: &Path, name: &str) -> io::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_domain_in_a_folder_too_long_for_a_socket_is_not_joined() {
+        let parent = tempfile::tempdir().unwrap();
+        for (length, is_joined) in [(8, true), (LONGEST_FOLDER, false)] {
+            let folder = parent.path().join("x".repeat(length));
+            let domain = folder.join(name(1));
+            fs::create_dir_all(&domain).unwrap();
+            fs::write(domain.join("lock"), "").unwrap();
+            let joined = Domain::join(&folder, 1).unwrap();
+            assert_eq!(joined.is_some(), is_joined, "{length}");
+        }
+    }
 
     #[test]
     fn a_domain_whose_lock_cannot_be_opened_is_not_taken_for_unfinished() {

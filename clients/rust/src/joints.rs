@@ -138,3 +138,147 @@ pub const HUMANOID_BONES: [&str; HUMANOID_BONE_COUNT] = [
 /// The bone that carries each of [`HUMANOID_BONES`]; the hips carry themselves.
 pub const HUMANOID_PARENTS: [usize; HUMANOID_BONE_COUNT] =
     [0, 0, 1, 2, 1, 4, 5, 1, 7, 8, 0, 10, 11, 0, 13, 14];
+
+/// Number of keypoints of a person in COCO.
+pub const COCO_KEYPOINT_COUNT: usize = 17;
+/// COCO's names of them, in its order; left and right are the person's own, as everywhere here.
+pub const COCO_KEYPOINTS: [&str; COCO_KEYPOINT_COUNT] = [
+    "nose",
+    "left_eye",
+    "right_eye",
+    "left_ear",
+    "right_ear",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_hip",
+    "right_hip",
+    "left_knee",
+    "right_knee",
+    "left_ankle",
+    "right_ankle",
+];
+/// The body joint for each of [`COCO_KEYPOINTS`]; `None` in the face, of which no body joint is a part.
+pub const COCO_JOINTS: [Option<usize>; COCO_KEYPOINT_COUNT] = [
+    None,
+    None,
+    None,
+    None,
+    None,
+    Some(5),
+    Some(2),
+    Some(6),
+    Some(3),
+    Some(7),
+    Some(4),
+    Some(11),
+    Some(8),
+    Some(12),
+    Some(9),
+    Some(13),
+    Some(10),
+];
+
+/// Number of joints of Azure Kinect's body tracking.
+pub const KINECT_JOINT_COUNT: usize = 32;
+/// Its names of them without `K4ABT_JOINT_`, in its order; left and right are the person's own.
+pub const KINECT_NAMES: [&str; KINECT_JOINT_COUNT] = [
+    "PELVIS",
+    "SPINE_NAVEL",
+    "SPINE_CHEST",
+    "NECK",
+    "CLAVICLE_LEFT",
+    "SHOULDER_LEFT",
+    "ELBOW_LEFT",
+    "WRIST_LEFT",
+    "HAND_LEFT",
+    "HANDTIP_LEFT",
+    "THUMB_LEFT",
+    "CLAVICLE_RIGHT",
+    "SHOULDER_RIGHT",
+    "ELBOW_RIGHT",
+    "WRIST_RIGHT",
+    "HAND_RIGHT",
+    "HANDTIP_RIGHT",
+    "THUMB_RIGHT",
+    "HIP_LEFT",
+    "KNEE_LEFT",
+    "ANKLE_LEFT",
+    "FOOT_LEFT",
+    "HIP_RIGHT",
+    "KNEE_RIGHT",
+    "ANKLE_RIGHT",
+    "FOOT_RIGHT",
+    "HEAD",
+    "NOSE",
+    "EYE_LEFT",
+    "EAR_LEFT",
+    "EYE_RIGHT",
+    "EAR_RIGHT",
+];
+/// The body joint for each of [`KINECT_NAMES`]; `None` where there is none.
+pub const KINECT_JOINTS: [Option<usize>; KINECT_JOINT_COUNT] = [
+    Some(14),
+    Some(15),
+    None,
+    Some(1),
+    None,
+    Some(5),
+    Some(6),
+    Some(7),
+    Some(18),
+    None,
+    None,
+    None,
+    Some(2),
+    Some(3),
+    Some(4),
+    Some(17),
+    None,
+    None,
+    Some(11),
+    Some(12),
+    Some(13),
+    Some(20),
+    Some(8),
+    Some(9),
+    Some(10),
+    Some(19),
+    Some(16),
+    None,
+    None,
+    None,
+    None,
+    None,
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a body joint would be called by name and side.
+    fn ours(name: &str) -> String {
+        let name = name.to_lowercase();
+        let side = |side: &str| {
+            let rest = name
+                .strip_prefix(&format!("{side}_"))
+                .or_else(|| name.strip_suffix(&format!("_{side}")))?;
+            let rest = if rest == "foot" { "foot_tip" } else { rest };
+            Some(format!("{}_{rest}", &side[..1]))
+        };
+        let both = side("left").or_else(|| side("right"));
+        both.unwrap_or_else(|| name.replace("spine_navel", "spine"))
+    }
+
+    #[test]
+    fn a_joint_of_another_layout_is_ours_of_that_name_and_side() {
+        let coco = COCO_KEYPOINTS.iter().zip(COCO_JOINTS);
+        for (name, joint) in coco.chain(KINECT_NAMES.iter().zip(KINECT_JOINTS)) {
+            let expected = JOINT_NAMES.iter().position(|n| *n == ours(name));
+            assert_eq!(joint, expected, "{name}");
+        }
+    }
+}

@@ -84,7 +84,7 @@ pub fn reading_dirs() -> Vec<PathBuf> {
     let others = [
         Some(search()),
         fs::read_dir(&service).is_ok().then_some(service),
-        is_own(&memory).then_some(memory),
+        is_own_itself(&memory).then_some(memory),
     ];
     for other in others.into_iter().flatten() {
         if !dirs.contains(&other) {
@@ -100,7 +100,12 @@ fn without_session() -> PathBuf {
 
 fn named() -> Option<PathBuf> {
     let named = std::env::var_os(RUNTIME_DIR_VARIABLE)?;
-    (!named.is_empty()).then(|| named.into())
+    (!named.is_empty()).then(|| from_here(Path::new(&named)))
+}
+
+/// The same folder for as long as the process runs, wherever that goes meanwhile.
+pub(crate) fn from_here(folder: &Path) -> PathBuf {
+    std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned())
 }
 
 fn user() -> u32 {
@@ -109,6 +114,11 @@ fn user() -> u32 {
 
 fn is_own(folder: &Path) -> bool {
     fs::metadata(folder).is_ok_and(|m| m.is_dir() && m.uid() == user())
+}
+
+/// As [`is_own`], in a folder for everybody, where a link of somebody else's may lead here.
+fn is_own_itself(folder: &Path) -> bool {
+    fs::symlink_metadata(folder).is_ok_and(|m| m.is_dir() && m.uid() == user())
 }
 
 /// Makes a folder of mode 0700, whatever is kept back: while iceoryx2 binds a socket it keeps all but 0600 back from
@@ -293,4 +303,18 @@ pub fn clear_at(folder: &Path) -> Result<Vec<String>, LinkError> {
             format!("expected to clear it, found another process clearing it for {seconds} s"),
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_in_a_folder_for_everybody_is_nobodys_own_folder() {
+        let parent = tempfile::tempdir().unwrap();
+        let [own, link] = ["own", "link"].map(|name| parent.path().join(name));
+        private_folder(&own).unwrap();
+        std::os::unix::fs::symlink(&own, &link).unwrap();
+        assert!(is_own_itself(&own) && is_own(&link) && !is_own_itself(&link));
+    }
 }

@@ -64,16 +64,17 @@ impl<M: Message> Publisher<M> {
 
     fn open_besides(folder: &Path, besides: Folders, camera: &str) -> Result<Self, LinkError> {
         check_camera(camera)?;
+        let folder = place::from_here(folder);
         Ok(Self {
-            folder: folder.to_owned(),
-            made: Some(Made::new(folder, &besides, camera)?),
+            made: Some(Made::new(&folder, &besides, camera)?),
+            folder,
             besides,
             camera: camera.to_owned(),
         })
     }
 
     /// Copies `message` into shared memory and wakes the readers. Never waits: a reader that is too slow loses its
-    /// oldest. Where somebody removed the files under it, they are made anew; what killed readers left is freed.
+    /// oldest. Where somebody removed or cut the files under it, they are made anew; what killed readers left is freed.
     ///
     /// # Errors
     /// [`LinkError::SharedMemory`]; while they are made anew, as [`open`](Self::open).
@@ -225,8 +226,12 @@ fn full(service: &str, folder: &Path, bytes: u64) -> LinkError {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::{self, OpenOptions};
+    use std::os::unix::fs::FileExt;
+
     use super::*;
     use crate::message::EventFrame;
+    use crate::subscriber::Subscriber;
 
     #[test]
     fn a_stream_that_another_session_publishes_is_refused() {
@@ -245,6 +250,31 @@ mod tests {
             // Made anew it does not find itself.
             publisher.made = None;
             publisher.publish(&EventFrame::default()).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_cut_short_or_overwritten_is_made_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut publisher = Publisher::<EventFrame>::open_at(folder.path(), "camera0").unwrap();
+        let path = ring_path::<EventFrame>(folder.path(), "camera0");
+        let length = fs::metadata(&path).unwrap().len();
+        for left in [0, 44, 64, length - 1, length] {
+            let file = OpenOptions::new().write(true).open(&path).unwrap();
+            file.set_len(left).unwrap();
+            if left == length {
+                file.write_all_at(&[0; 8], 0).unwrap();
+            }
+            publisher.publish(&EventFrame::default()).unwrap();
+            assert_eq!(fs::metadata(&path).unwrap().len(), length, "of {left}");
+            // On a busy machine signs of life may come late, and what came before them is not read.
+            let is_read = (0..1000).any(|_| {
+                let reader = Subscriber::<EventFrame>::open_at(folder.path(), "camera0").unwrap();
+                publisher.publish(&EventFrame::default()).unwrap();
+                let got = reader.next(Duration::from_millis(10)).unwrap();
+                got.is_some() && reader.publisher_count() == 1
+            });
+            assert!(is_read, "cut to {left}");
         }
     }
 }

@@ -139,7 +139,7 @@ impl<M: Message> Subscriber<M> {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_at(folder: &Path, camera: &str) -> Result<Self, LinkError> {
-        let folders = Folders::These(vec![folder.to_owned()]);
+        let folders = Folders::These(vec![place::from_here(folder)]);
         Self::open_in(folders, camera, Priority::Reader)
     }
 

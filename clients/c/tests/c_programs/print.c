@@ -51,6 +51,12 @@ static void print_names(void) {
     printf("\ncarriers");
     for (i = 0; edgecap_bone_parent(i) >= 0; i++)
         printf(" %d", edgecap_bone_parent(i));
+    printf("\ncoco");
+    for (i = 0; edgecap_coco_name(i); i++)
+        printf(" %s=%d", edgecap_coco_name(i), edgecap_coco_joint(i));
+    printf("\nkinect");
+    for (i = 0; edgecap_kinect_name(i); i++)
+        printf(" %s=%d", edgecap_kinect_name(i), edgecap_kinect_joint(i));
     printf("\nevents");
     for (i = 0; edgecap_event_name(i); i++)
         printf(" %s", edgecap_event_name(i));

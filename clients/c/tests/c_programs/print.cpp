@@ -170,6 +170,12 @@ int main(int argc, char **argv) try {
     names("angles", EDGECAP_DOF, edgecap_angle_name);
     names("bones", EDGECAP_BONES, edgecap_bone_name);
     names("carriers", EDGECAP_BONES, edgecap_bone_parent);
+    names("coco", EDGECAP_COCO_KEYPOINTS, [](uint32_t i) {
+        return edgecap_coco_name(i) + ("=" + std::to_string(edgecap_coco_joint(i)));
+    });
+    names("kinect", EDGECAP_KINECT_JOINTS, [](uint32_t i) {
+        return edgecap_kinect_name(i) + ("=" + std::to_string(edgecap_kinect_joint(i)));
+    });
     names("events", EDGECAP_EVENT_MAIN_PERSON + 1, edgecap_event_name);
     read(bodies);
     read(observations);

@@ -53,6 +53,11 @@ line("parents", *edgecap.PARENTS)
 line("angles", *edgecap.ANGLE_NAMES)
 line("bones", *edgecap.HUMANOID_BONES)
 line("carriers", *edgecap.HUMANOID_PARENTS)
+for layout, names, joints in (
+    ("coco", edgecap.COCO_KEYPOINTS, edgecap.COCO_JOINTS),
+    ("kinect", edgecap.KINECT_NAMES, edgecap.KINECT_JOINTS),
+):
+    line(layout, *(f"{name}={-1 if joint is None else joint}" for name, joint in zip(names, joints)))
 line("events", *edgecap.EVENTS)
 for f in streams[0]:
     line("sequence", f.sequence)

@@ -2,7 +2,10 @@
 
 use std::fmt::Write as _;
 
-use edgecap_client::joints::{ANGLE_NAMES, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES, PARENTS};
+use edgecap_client::joints::{
+    ANGLE_NAMES, COCO_JOINTS, COCO_KEYPOINTS, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES,
+    KINECT_JOINTS, KINECT_NAMES, PARENTS,
+};
 use edgecap_client::message::{
     Body, BodyFrame, Event, EventFrame, EventKind, Intrinsics, Observation, ObservationFrame,
     StageTimes, World,
@@ -32,6 +35,17 @@ impl Print {
         self.line("angles", ANGLE_NAMES);
         self.line("bones", HUMANOID_BONES);
         self.line("carriers", HUMANOID_PARENTS);
+        let each = |(name, joint): (&str, Option<usize>)| {
+            format!("{name}={}", joint.map_or(-1, |j| j as i32))
+        };
+        self.line(
+            "coco",
+            COCO_KEYPOINTS.into_iter().zip(COCO_JOINTS).map(each),
+        );
+        self.line(
+            "kinect",
+            KINECT_NAMES.into_iter().zip(KINECT_JOINTS).map(each),
+        );
         self.line("events", (0..).map_while(|n| EventKind::from(n).name()));
     }
 

@@ -35,7 +35,7 @@ open_enum! {
 #[type_name("EdgecapBodyV1")]
 #[repr(C)]
 pub struct Body {
-    /// Identity, from 1, never reused while `fit` runs.
+    /// Identity, from 1, never given twice while `run` runs, or `fit` alone.
     pub id: u32,
     /// Whether it was seen in this frame.
     pub state: BodyState,

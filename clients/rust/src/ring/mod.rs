@@ -16,7 +16,9 @@
 //! A writer fills a slot, then counts it, then sets the file's times, which wakes everybody who watches its attributes
 //! (inotify). So a reader that copied message n has it whole if fewer than n + slots are counted after the copy.
 
+mod open;
 mod reader;
+mod watch;
 mod writer;
 
 pub(crate) use reader::{Folders, RingReader};

@@ -1,6 +1,6 @@
 //! The writer of a ring, and its signs of life.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, Metadata, OpenOptions};
 use std::io;
 use std::marker::PhantomData;
 use std::os::unix::fs::{FileExt, OpenOptionsExt};
@@ -21,6 +21,7 @@ use crate::stream::Message;
 pub(crate) struct RingWriter<M> {
     file: Arc<File>,
     path: PathBuf,
+    life: u64,
     count: u64,
     signs: Option<Signs>,
     _message: PhantomData<M>,
@@ -57,6 +58,7 @@ impl<M: Message> RingWriter<M> {
         let ring = Self {
             file: Arc::new(file),
             path: draft,
+            life,
             count: 0,
             signs: None,
             _message: PhantomData,
@@ -107,10 +109,21 @@ impl<M: Message> RingWriter<M> {
         Ok(())
     }
 
-    /// Whether somebody removed the files under it.
+    /// Whether somebody removed the files under it, or cut its own short.
     pub(crate) fn is_lost(&self) -> bool {
         let lost = |s: &Signs| s.lost.load(Ordering::Relaxed);
-        self.signs.as_ref().is_some_and(lost)
+        self.signs.as_ref().is_some_and(lost) || !self.is_whole()
+    }
+
+    /// Whether readers still find all of it: what is written into a file that was cut short brings no header back.
+    fn is_whole(&self) -> bool {
+        let is_long = |m: Metadata| m.len() >= Self::length();
+        let is_ours = |h: Header| {
+            let size = size_of::<M>() as u32;
+            (h.version, h.size, h.life) == (M::VERSION, size, self.life)
+        };
+        let header = Header::read(&self.file).ok().flatten();
+        self.file.metadata().is_ok_and(is_long) && header.is_some_and(is_ours)
     }
 
     /// Writes a message and wakes the readers; returns its number.

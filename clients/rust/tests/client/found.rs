@@ -4,8 +4,11 @@ use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
+use edgecap_client::message::BodyFrame;
 use edgecap_client::place::{SERVICE_FOLDER, reading_dirs, runtime_dir};
+use edgecap_client::{Publisher, Subscriber};
 
 use crate::strangers::copied_program;
 
@@ -25,6 +28,19 @@ fn role() {
         let read = reading_dirs().into_iter().map(|d| d.display().to_string());
         let read: Vec<String> = read.collect();
         println!("\nfolders {} {}", runtime_dir().display(), read.join(" "));
+    }
+    if std::env::var(ROLE).is_ok_and(|role| role == "moves") {
+        let mut publisher = Publisher::<BodyFrame>::open("camera0").unwrap();
+        let reader = Subscriber::<BodyFrame>::open("camera0").unwrap();
+        std::env::set_current_dir("/").unwrap();
+        // On a busy machine signs of life may come late.
+        let found = (0..1000).any(|n| {
+            std::thread::sleep(Duration::from_millis(10 * n.min(1)));
+            publisher.publish(&BodyFrame::default()).unwrap();
+            let late = Subscriber::<BodyFrame>::open("camera0").unwrap();
+            reader.publisher_count() + late.publisher_count() == 2
+        });
+        println!("\nfolders {} {found}", runtime_dir().display());
     }
 }
 
@@ -69,6 +85,16 @@ fn a_folder_that_is_named_is_the_only_one() {
     if let Some(python) = python() {
         assert_eq!(said(python, None, Some(named)), expected);
     }
+}
+
+#[test]
+fn a_folder_that_is_named_from_here_stays_where_it_is_when_the_process_moves() {
+    let here = tempfile::tempdir().unwrap();
+    let mut moves = rust();
+    moves.env(ROLE, "moves").current_dir(here.path());
+    let named = here.path().canonicalize().unwrap().join("run");
+    let expected = vec![named.display().to_string(), "true".to_owned()];
+    assert_eq!(said(moves, None, Some(Path::new("run"))), expected);
 }
 
 #[test]

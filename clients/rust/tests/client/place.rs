@@ -2,10 +2,11 @@
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+use std::time::Duration;
 
 use edgecap_client::message::BodyFrame;
 use edgecap_client::place::{Place, clear_at};
-use edgecap_client::{LinkError, Publisher};
+use edgecap_client::{LinkError, Publisher, Subscriber};
 
 #[test]
 fn a_place_is_made_for_one_user_and_a_group_may_be_let_in() {
@@ -68,6 +69,21 @@ fn clearing_takes_what_the_dead_left_and_leaves_the_living() {
         .map(|e| e.unwrap().path())
         .collect();
     assert_eq!(left, [strange]);
+}
+
+#[test]
+fn a_reader_may_come_through_a_link_however_long() {
+    let parent = tempfile::tempdir().unwrap();
+    let [real, link] = ["real", &"x".repeat(150)].map(|name| parent.path().join(name));
+    fs::create_dir(&real).unwrap();
+    // A neighbouring test's reader may just have the umask changed.
+    fs::set_permissions(&real, fs::Permissions::from_mode(0o700)).unwrap();
+    symlink(&real, &link).unwrap();
+    let mut publisher = Publisher::<BodyFrame>::open_at(&real.join("edgecap"), "camera0").unwrap();
+    let reader = Subscriber::<BodyFrame>::open_at(&link.join("edgecap"), "camera0").unwrap();
+    publisher.publish(&BodyFrame::default()).unwrap();
+    assert!(reader.next(Duration::from_secs(20)).unwrap().is_some());
+    assert_eq!(publisher.subscriber_count(), 1, "in place");
 }
 
 #[test]
