@@ -1,6 +1,9 @@
 //! Peaks and limbs go in, people come out.
 
-use edgecap_client::joints::{EVIDENCE_JOINTS, LIMB_JOINTS, LIMBS};
+use edgecap_client::joints::{
+    EVIDENCE_JOINTS, HEAD_TOP, L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_SHOULDER, L_WRIST, LIMB_JOINTS,
+    LIMBS, R_ANKLE, R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST, limb_to,
+};
 
 use super::limb;
 use super::peaks::Peaks;
@@ -11,11 +14,30 @@ use crate::engine::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
 
 /// Limbs by their distance from the neck: trunk before limbs, so that a person's size is known when arms and legs are
 /// added.
-const OUTWARDS: [usize; LIMBS] = [0, 1, 4, 7, 10, 2, 5, 8, 11, 3, 6, 9, 12];
+const OUTWARDS: [usize; LIMBS] = [
+    limb_to(HEAD_TOP),
+    limb_to(R_SHOULDER),
+    limb_to(L_SHOULDER),
+    limb_to(R_HIP),
+    limb_to(L_HIP),
+    limb_to(R_ELBOW),
+    limb_to(L_ELBOW),
+    limb_to(R_KNEE),
+    limb_to(L_KNEE),
+    limb_to(R_WRIST),
+    limb_to(L_WRIST),
+    limb_to(R_ANKLE),
+    limb_to(L_ANKLE),
+];
 /// How many of [`OUTWARDS`] end at the neck.
 const AT_NECK: usize = 5;
 /// The two limbs of each arm and leg, outwards.
-const CHAINS: [[usize; 2]; 4] = [[2, 3], [5, 6], [8, 9], [11, 12]];
+const CHAINS: [[usize; 2]; 4] = [
+    [limb_to(R_ELBOW), limb_to(R_WRIST)],
+    [limb_to(L_ELBOW), limb_to(L_WRIST)],
+    [limb_to(R_KNEE), limb_to(R_ANKLE)],
+    [limb_to(L_KNEE), limb_to(L_ANKLE)],
+];
 /// Weight of the child's confidence beside the limb's score.
 const CONFIDENCE_WEIGHT: f32 = 0.1;
 /// What is left of a pair that the lengths speak against: it still counts for more than none.

@@ -1,5 +1,5 @@
-//! What two looks at one picture show, at different sizes, goes in; everybody comes out once, as the better look has
-//! them.
+//! What two looks at one picture show, at different sizes, goes in; everybody comes out once: as the better look has
+//! them, joints where both looks together put them.
 
 use edgecap_client::message::Observation;
 
@@ -11,12 +11,17 @@ const SAME: f32 = 0.4;
 const SPREAD: f32 = 0.09;
 /// Joints that both reports must have before they can be told to be one person.
 const SHARED: usize = 2;
+/// Distance of two joints, over the person's size, up to which both looks mean the same place.
+const AGREED: f32 = 0.05;
+/// Confidence that weighs least and most as odds, so that nothing is divided by 0.
+const ODDS: [f32; 2] = [0.01, 0.99];
 
 /// Joins what two looks at the same picture report, in pixels of that picture, into `out`, by falling score: `most` of
 /// them.
 ///
-/// Who is in both is taken from the look that is surer of the joints. Who is in one alone must be there with a
-/// probability of `lone_score`, and must not be a part of somebody whom the other look reports.
+/// Who is in both is taken from the look that is surer of the joints, and each joint on which both agree from both
+/// (`agreed`). Who is in one alone must be there with a probability of `lone_score`, and must not be a part of
+/// somebody whom the other look reports.
 pub fn joined(
     looks: [&[Observation]; 2],
     lone_score: f32,
@@ -39,9 +44,9 @@ pub fn joined(
         if !of_a[i] && !of_b[j] {
             (of_a[i], of_b[j]) = (true, true);
             out.push(if sureness(&a[i]) >= sureness(&b[j]) {
-                a[i]
+                agreed(&a[i], &b[j])
             } else {
-                b[j]
+                agreed(&b[j], &a[i])
             });
         }
     }
@@ -60,6 +65,29 @@ pub fn joined(
     );
     out.sort_by(|p, q| q.score.total_cmp(&p.score));
     out.truncate(most);
+}
+
+/// The surer report, its evidence joints moved to the mean of both looks where these lie within [`AGREED`] of each
+/// other: their errors are of different inputs, so part of them cancels. Weights are the odds of the confidences, of
+/// which the higher stays. A joint that only one of the two has, or that they put elsewhere, is the surer report's, as
+/// is 3D.
+fn agreed(surer: &Observation, other: &Observation) -> Observation {
+    let near = AGREED * size(&surer.joints2d).max(size(&other.joints2d));
+    let odds = |confidence: f32| {
+        let confidence = confidence.clamp(ODDS[0], ODDS[1]);
+        confidence / (1.0 - confidence)
+    };
+    let mut person = *surer;
+    for (joint, &[u, v, confidence]) in person.joints2d.iter_mut().zip(&other.joints2d) {
+        let both = joint[2] > 0.0 && confidence > 0.0;
+        if both && (joint[0] - u).hypot(joint[1] - v) <= near {
+            let share = odds(confidence) / (odds(joint[2]) + odds(confidence));
+            joint[0] += share * (u - joint[0]);
+            joint[1] += share * (v - joint[1]);
+            joint[2] = joint[2].max(confidence);
+        }
+    }
+    person
 }
 
 /// Joints that can be expected to be right.
@@ -115,11 +143,41 @@ mod tests {
 
     #[test]
     fn who_is_seen_twice_comes_once_as_the_surer_look_has_them() {
-        let (far, near) = (person(50.0, 80.0, 0.4, 0.9), person(53.0, 80.0, 0.8, 0.6));
+        let (far, near) = (person(50.0, 80.0, 0.4, 0.9), person(57.0, 80.0, 0.8, 0.6));
         for found in [join(&[far], &[near]), join(&[near], &[far])] {
             assert_eq!(found, [near]);
         }
         assert_eq!(join(&[far], &[far]), [far]);
+    }
+
+    #[test]
+    fn a_joint_on_which_both_looks_agree_lies_between_them_by_their_odds() {
+        // Odds of 1 and 4.
+        let (far, mut near) = (person(50.0, 80.0, 0.5, 0.9), person(52.0, 80.0, 0.8, 0.6));
+        near.joints2d[5] = [0.0, 0.0, 0.0];
+        near.joints2d[6][1] -= 10.0;
+        for found in [join(&[far], &[near]), join(&[near], &[far])] {
+            let [found] = found[..] else {
+                panic!("expected one person, found {found:?}");
+            };
+            for (j, (found, near)) in found.joints2d.iter().zip(&near.joints2d).enumerate() {
+                // What the surer look has not, or puts elsewhere, stays its own.
+                let u = if matches!(j, 5 | 6) {
+                    near[0]
+                } else {
+                    near[0] - 0.4
+                };
+                assert!((found[0] - u).abs() < 1e-4, "{j}: {} {u}", found[0]);
+                assert_eq!(found[1..], near[1..], "{j}");
+            }
+            assert_eq!(found.score, near.score);
+        }
+        let (sure, certain) = (person(50.0, 80.0, 1.0, 0.9), person(52.0, 80.0, 1.0, 0.9));
+        let found = join(&[sure], &[certain])[0].joints2d[0];
+        assert!(
+            (found[0] - 51.0).abs() < 1e-4 && found[2] == 1.0,
+            "{found:?}"
+        );
     }
 
     #[test]

@@ -1,12 +1,14 @@
 //! A person while joints are being added.
 
-use edgecap_client::joints::{EVIDENCE_JOINTS, LIMB_JOINTS, LIMBS, NECK};
+use edgecap_client::joints::{
+    EVIDENCE_JOINTS, HEAD_TOP, L_HIP, LIMB_JOINTS, LIMBS, NECK, R_HIP, limb_to,
+};
 
 use super::limb::{self, PROPORTION};
 use super::peaks::{Peak, Peaks};
 
 /// Limbs whose length tells the person's size: head and trunk. Shoulders vanish in a side view.
-const TRUNK: [usize; 3] = [0, 7, 10];
+const TRUNK: [usize; 3] = [limb_to(HEAD_TOP), limb_to(R_HIP), limb_to(L_HIP)];
 /// How much longer than the rest a limb at the neck may seem before it is dropped; generous, as a person who leans
 /// towards the camera shows a short trunk.
 const TRUNK_SLACK: f32 = 1.4;
