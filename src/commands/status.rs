@@ -23,6 +23,7 @@ use tempfile::NamedTempFile;
 
 use super::closed;
 use super::exit::Failure;
+use super::health::health_of;
 use super::say;
 use crate::counted::counted;
 use crate::metrics::{Meter, Snapshot};
@@ -138,7 +139,11 @@ pub fn status(args: StatusArgs) -> anyhow::Result<()> {
         }
         for status in &all {
             for camera in &status.cameras {
-                say::whole(&line(status, camera))?;
+                let mut line = line(status, camera);
+                if !status.does_well(camera) {
+                    line += &said_by_itself(camera);
+                }
+                say::whole(&line)?;
             }
         }
     }
@@ -214,9 +219,12 @@ impl Status {
         self.age() > STALE || camera.looked_seconds_ago.is_some_and(|s| s > STALE)
     }
 
+    fn does_well(&self, camera: &Snapshot) -> bool {
+        camera.healthy && !camera.ended && !self.hangs(camera)
+    }
+
     fn is_healthy(&self) -> bool {
-        let does_well = |c: &Snapshot| c.healthy && !c.ended && !self.hangs(c);
-        self.cameras.iter().all(does_well)
+        self.cameras.iter().all(|camera| self.does_well(camera))
     }
 }
 
@@ -257,6 +265,26 @@ fn line(status: &Status, camera: &Snapshot) -> String {
         line += &format!("; last error, {ago} ago: {error}");
     }
     line
+}
+
+/// What a camera says of itself, or each of several that see the same people; nothing where they say nothing.
+fn said_by_itself(camera: &Snapshot) -> String {
+    let said = publishers(camera).into_iter().filter_map(|name| {
+        let health = health_of(name)?;
+        Some(format!("; {name}: {health}"))
+    });
+    said.collect()
+}
+
+/// Who says how this one is doing: itself, and the cameras of a room, each once.
+fn publishers(camera: &Snapshot) -> Vec<&str> {
+    let inputs: Vec<&str> = camera.input.split(", ").collect();
+    // What one camera opens is no name of a stream.
+    let of_room = if inputs.len() > 1 { &inputs[..] } else { &[] };
+    let others = of_room.iter().filter(|name| **name != camera.name);
+    std::iter::once(camera.name.as_str())
+        .chain(others.copied())
+        .collect()
 }
 
 /// A span of time, roughly.
@@ -422,6 +450,14 @@ mod tests {
         fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
         renew(&path, b"{}").unwrap();
         assert_eq!(mode(), permissions(0o666));
+    }
+
+    #[test]
+    fn a_camera_or_a_room_and_its_cameras_say_each_once_how_they_do() {
+        let of = |name, input| publishers(&Meter::new(name, input, &[]).snapshot()).join(" ");
+        assert_eq!(of("hall", "camera"), "hall");
+        assert_eq!(of("room", "hall, yard"), "room hall yard");
+        assert_eq!(of("hall", "hall, yard"), "hall yard");
     }
 
     #[test]

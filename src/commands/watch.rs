@@ -2,9 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME};
+use edgecap_client::message::{
+    BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, HealthFrame, HealthState,
+};
 use edgecap_client::{Message, Subscriber, service_name};
 
+use super::health::health_of;
 use super::input::DEFAULT_NAME;
 use super::stop::Stop;
 use super::table::{Table, TableArgs};
@@ -62,12 +65,37 @@ pub fn watch(args: WatchArgs) -> anyhow::Result<()> {
         } else if quiet.begins(Instant::now()) {
             match bodies.publisher_count() {
                 0 => table.say(&heard.then_nobody::<BodyFrame>(&args.name)),
-                _ => table.say("connected, but no frames come: is the camera there?"),
+                _ => table.say(&format!(
+                    "connected, but no frames come: {}",
+                    why_none_come(&args.name)
+                )),
             }
         }
     }
     table.finish();
     Ok(())
+}
+
+/// Why no bodies come of a camera whose bodies somebody publishes.
+fn why_none_come(camera: &str) -> String {
+    match health_of(camera) {
+        Some(health) => why(&health),
+        None => "is the camera there?".to_owned(),
+    }
+}
+
+/// The same, as the camera, or the room of several, says of itself.
+fn why(health: &HealthFrame) -> String {
+    let seconds = health.state_seconds();
+    match health.state {
+        _ if health.cameras > 1 => {
+            format!("{} of {} cameras send", health.cameras_live, health.cameras)
+        }
+        HealthState::AWAY => format!("the camera has been away for {seconds:.0} s"),
+        HealthState::STALLED => format!("the camera has sent no picture for {seconds:.0} s"),
+        HealthState::STARTING => "the camera has sent no picture yet".to_owned(),
+        _ => format!("of the camera is said: {health}"),
+    }
 }
 
 /// What came last.
@@ -187,6 +215,22 @@ impl Quiet {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_camera_says_what_has_become_of_it_and_a_room_how_many_send() {
+        let mut health = HealthFrame {
+            publish_ns: 15_000_000_000,
+            since_ns: 3_000_000_000,
+            state: HealthState::AWAY,
+            cameras: 1,
+            ..HealthFrame::default()
+        };
+        assert_eq!(why(&health), "the camera has been away for 12 s");
+        health.state = HealthState::STALLED;
+        assert_eq!(why(&health), "the camera has sent no picture for 12 s");
+        (health.cameras, health.cameras_live) = (3, 1);
+        assert_eq!(why(&health), "1 of 3 cameras send");
+    }
 
     #[test]
     fn a_slow_camera_is_not_silent_between_its_frames() {

@@ -1,6 +1,5 @@
 //! One camera of a run: counted by the supervisor as it happens, read by whoever asks.
 
-use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
 
@@ -9,11 +8,10 @@ use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 use super::histogram::Histogram;
+use super::recent::{Came, Recent};
 
 /// The stages, as figures name them, in the order of a frame.
 pub const STAGES: [&str; 5] = ["preprocess", "stage1", "association", "stage2", "fit"];
-/// Frames that rate and latency are taken from.
-const RECENT: usize = 128;
 /// Without a frame for so long nothing goes on, …
 const SILENT_AFTER: Duration = Duration::from_secs(3);
 /// … or for so many times the interval that was asked for, or at which frames come, where that is longer.
@@ -29,6 +27,8 @@ const START_SHIFT: u64 = 2;
 pub struct Meter {
     name: String,
     input: String,
+    /// What frames' times are counted from.
+    began: Instant,
     /// Since this machine started, its sleep counted.
     started: Duration,
     silent_after: Duration,
@@ -51,8 +51,8 @@ struct Counts {
     since: Option<u64>,
     sequence: Option<u64>,
     highest_id: u32,
-    /// When frames came, and how old each was, seconds.
-    recent: VecDeque<(Instant, Option<f64>)>,
+    /// Frames since the last pause.
+    recent: Recent,
     /// Between the last two frames, and between the two before.
     gaps: [Option<Duration>; 2],
     looked: Option<Instant>,
@@ -123,6 +123,7 @@ impl Meter {
         Self {
             name: name.to_owned(),
             input: input.to_owned(),
+            began: Instant::now(),
             started: since_boot(),
             silent_after: SILENT_AFTER,
             counts: Mutex::new(Counts {
@@ -183,18 +184,22 @@ impl Meter {
         if let Some(age) = age {
             counts.latency.observe(age);
         }
-        if let Some((newest, _)) = counts.recent.back() {
-            let gap = now.saturating_duration_since(*newest);
+        let at = now.saturating_duration_since(self.began);
+        if let Some(newest) = counts.recent.newest() {
+            let gap = at.saturating_sub(newest);
             counts.gaps = [Some(gap.min(SLOWEST)), counts.gaps[0]];
             // Time without pictures says nothing of the rate at which they come.
             if gap >= self.patience(&counts) {
-                counts.recent.clear();
+                counts.recent.forget();
             }
         }
-        if counts.recent.len() == RECENT {
-            counts.recent.pop_front();
-        }
-        counts.recent.push_back((now, age));
+        counts.recent.take(Came {
+            at,
+            age,
+            sequence: frame.sequence,
+            capture_ns: frame.capture_ns,
+            is_looked_at: t.stage1_us > 0,
+        });
     }
 
     /// The number of the newest bodies, and the highest id of all; zeros before the first.
@@ -209,6 +214,13 @@ impl Meter {
         if let Some((_, n)) = counts.starts.iter_mut().find(|(p, _)| *p == process) {
             n.since = starts;
         }
+    }
+
+    /// How often a process was started, before the camera began anew, too; 0 of one that nobody counts.
+    pub fn starts(&self, process: &str) -> u64 {
+        let counts = self.counts();
+        let counted = counts.starts.iter().find(|(p, _)| *p == process);
+        counted.map_or(0, |(_, n)| n.before + n.since)
     }
 
     /// The camera has ended and begins anew; so do those who count its processes.
@@ -265,16 +277,11 @@ impl Meter {
             }
             counts.clone()
         };
-        let newest = counts.recent.back();
-        let newest = newest.map(|(t, _)| now.saturating_duration_since(*t));
+        let since = now.saturating_duration_since(self.began);
+        let newest = counts.recent.newest();
+        let newest = newest.map(|came| since.saturating_sub(came));
         let healthy = newest.is_some_and(|age| age < self.patience(&counts));
-        let mut ages: Vec<f64> = counts.recent.iter().filter_map(|(_, age)| *age).collect();
-        ages.sort_by(f64::total_cmp);
-        let age = |part: f64| {
-            let at = (part * ages.len() as f64) as usize;
-            ages.get(at.min(ages.len().saturating_sub(1)))
-                .map(|s| 1e3 * s)
-        };
+        let age = |part: f64| counts.recent.age(part).map(|s| 1e3 * s);
         Snapshot {
             name: self.name.clone(),
             input: self.input.clone(),
@@ -284,7 +291,7 @@ impl Meter {
             since: counts.since.unwrap_or_default(),
             frames: counts.frames,
             dropped: counts.dropped,
-            fps: if healthy { rate(&counts.recent) } else { 0.0 },
+            fps: if healthy { counts.recent.hz() } else { 0.0 },
             people: if healthy { counts.people } else { 0 },
             latency_ms: age(0.5),
             latency_p99_ms: age(0.99),
@@ -301,11 +308,15 @@ impl Meter {
         }
     }
 
-    /// How long no frame may come. One gap, of a camera that was away, makes no slow one.
+    /// How long no frame may come. One gap, of a camera that was away or has stalled, makes no slow one.
     fn patience(&self, counts: &Counts) -> Duration {
-        let interval = counts.gaps.into_iter().flatten().min();
-        let slow = interval.map_or(Duration::ZERO, |i| i.mul_f64(SILENT_INTERVALS));
-        self.silent_after.max(slow)
+        match counts.gaps {
+            [Some(last), Some(before)] => {
+                let slow = last.min(before).mul_f64(SILENT_INTERVALS);
+                self.silent_after.max(slow)
+            }
+            _ => self.silent_after,
+        }
     }
 
     fn counts(&self) -> MutexGuard<'_, Counts> {
@@ -321,16 +332,6 @@ fn since_boot() -> Duration {
         u64::try_from(t.tv_sec).unwrap_or(0),
         u32::try_from(t.tv_nsec).unwrap_or(0),
     )
-}
-
-/// Frames a second.
-fn rate(recent: &VecDeque<(Instant, Option<f64>)>) -> f64 {
-    match (recent.front(), recent.back()) {
-        (Some((first, _)), Some((last, _))) if last > first => {
-            (recent.len() - 1) as f64 / (*last - *first).as_secs_f64()
-        }
-        _ => 0.0,
-    }
 }
 
 fn unix(time: SystemTime) -> u64 {
@@ -382,6 +383,7 @@ mod tests {
         assert_eq!([0, 1, 3].map(told), [0, 0, 2]);
         meter.begins_anew();
         assert_eq!([0, 1, 2].map(told), [2, 3, 4]);
+        assert_eq!([meter.starts("infer"), meter.starts("fit")], [5, 0]);
     }
 
     #[test]
@@ -445,6 +447,23 @@ mod tests {
             meter.published_at(at(3_600 + 4 * sequence), &frame(sequence, 0));
         }
         assert_eq!(told(3_624), (true, 0.25));
+    }
+
+    #[test]
+    fn a_camera_that_stalls_once_at_its_start_is_no_slow_one() {
+        let meter = Meter::new("hall", "camera", &[]);
+        let start = Instant::now();
+        let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
+        meter.published_at(at(0.0), &frame(0, 0));
+        meter.published_at(at(100.0), &frame(1, 0));
+        assert!(meter.seen_at(at(102.9)).healthy);
+        assert!(!meter.seen_at(at(103.1)).healthy);
+        for k in 1..=10_u32 {
+            let now = at(100.0 + f64::from(k) / 30.0);
+            meter.published_at(now, &frame(1 + u64::from(k), 0));
+        }
+        let fps = meter.seen_at(at(100.0 + 10.0 / 30.0)).fps;
+        assert!((fps - 30.0).abs() < 0.1, "{fps}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::FLAG_END_OF_STREAM;
+use edgecap_client::message::{FLAG_END_OF_STREAM, HealthFrame, HealthPace, HealthState};
 use edgecap_client::{LinkError, Message, Publisher};
 
 use super::{Packet, Sink, SinkError};
@@ -51,6 +51,20 @@ impl Streamed for EventFrame {
         self.flags |= FLAG_END_OF_STREAM;
         self.first += u64::from(self.count);
         (self.count, self.present, self.main_person) = (0, 0, 0);
+    }
+
+    fn stamp(&mut self, now: u64) {
+        self.publish_ns = now;
+    }
+}
+
+impl Streamed for HealthFrame {
+    fn end(&mut self) {
+        self.flags |= FLAG_END_OF_STREAM;
+        (self.state, self.since_ns) = (HealthState::ENDED, monotonic_ns());
+        (self.source_hz, self.observed_hz, self.look_hz) = (0.0, 0.0, 0.0);
+        (self.latency_us, self.pace) = (0, HealthPace::UNKNOWN);
+        (self.people, self.cameras_live) = (0, 0);
     }
 
     fn stamp(&mut self, now: u64) {

@@ -23,6 +23,8 @@ use super::tie::tie;
 const PROGRAM: &str = "/proc/self/exe";
 /// Set for a child in whose place another one has worked.
 const WORKED_VARIABLE: &str = "EDGECAP_HAS_WORKED";
+/// Tells a child how often it was started again.
+const RESTARTS_VARIABLE: &str = "EDGECAP_RESTARTS";
 /// Time to end after SIGTERM.
 const GRACE: Duration = Duration::from_secs(3);
 /// Time to end after SIGKILL: whoever supervises has others to look after.
@@ -59,6 +61,8 @@ pub struct Child {
     has_worked: bool,
     /// It was said that it is not started before an earlier one has ended.
     said_held: bool,
+    /// Starts of the one in whose place it comes.
+    before: u64,
     starts: u64,
 }
 
@@ -80,8 +84,18 @@ impl Child {
             has_lived: false,
             has_worked: false,
             said_held: false,
+            before: 0,
             starts: 0,
         })
+    }
+
+    /// The same in place of one that was started so often: what its processes hear of [`restarts`] goes on from there.
+    #[must_use]
+    pub fn after(self, starts: u64) -> Self {
+        Self {
+            before: starts,
+            ..self
+        }
     }
 
     /// Gives it other options, from its next start on.
@@ -107,7 +121,7 @@ impl Child {
         }
     }
 
-    /// How often it was started.
+    /// How often it was started, without the one in whose place it comes.
     pub fn starts(&self) -> u64 {
         self.starts
     }
@@ -208,6 +222,10 @@ impl Child {
             .args([self.verb, "--job", job])
             // Whatever sessions begin or end meanwhile.
             .env(RUNTIME_DIR_VARIABLE, place::runtime_dir())
+            .env(
+                RESTARTS_VARIABLE,
+                (self.before + self.starts - 1).to_string(),
+            )
             .stdin(input)
             .stdout(Stdio::piped());
         for variable in systemd::VARIABLES {
@@ -296,6 +314,12 @@ pub fn handed_over(argument: &str) -> io::Result<Cow<'_, str>> {
 /// its input does not suit them, that may pass.
 pub fn has_worked_before() -> bool {
     std::env::var_os(WORKED_VARIABLE).is_some()
+}
+
+/// How often this process's supervisor has started one like it before; 0 without a supervisor.
+pub fn restarts() -> u32 {
+    let told = std::env::var(RESTARTS_VARIABLE);
+    told.ok().and_then(|n| n.parse().ok()).unwrap_or(0)
 }
 
 /// Ends all of them: politely, then by force.
@@ -390,6 +414,25 @@ mod tests {
         let job = std::fs::read_to_string(&argument).unwrap();
         let job: Job<u32> = serde_json::from_str(&job).unwrap();
         assert_eq!(job.options, 2);
+    }
+
+    #[test]
+    fn one_that_is_started_again_knows_how_often() {
+        let folder = tempfile::tempdir().unwrap();
+        let [program, told] = ["program", "told"].map(|n| folder.path().join(n));
+        std::fs::write(&program, format!("echo $EDGECAP_RESTARTS >> {told:?}\n")).unwrap();
+        let verb = program.to_str().unwrap().to_owned().leak();
+        for before in [0, 2] {
+            let mut child = Child::new(verb, ()).unwrap().of("sh").after(before);
+            for _ in 0..2 {
+                while child.tend().unwrap().is_none() {
+                    std::thread::yield_now();
+                }
+                child.restart();
+            }
+            assert_eq!(child.starts(), 2);
+        }
+        assert_eq!(std::fs::read_to_string(&told).unwrap(), "0\n1\n2\n3\n");
     }
 
     #[test]

@@ -12,7 +12,7 @@ mod systemd;
 #[allow(unsafe_code, reason = "what a child does between fork and exec")]
 mod tie;
 
-pub use child::{Child, Job, describe, handed_over, has_worked_before, stop_all};
+pub use child::{Child, Job, describe, handed_over, has_worked_before, restarts, stop_all};
 pub use heartbeat::{Beat, Heartbeat};
 pub use policy::{Activity, Policy, Verdict};
 pub use systemd::{Progress, ServiceManager, is_service};

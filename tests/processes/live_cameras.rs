@@ -9,7 +9,8 @@ use edgecap::body::skeleton::{Posed, Skeleton};
 use edgecap::camera::calibration::write_pose2sim;
 use edgecap::camera::{View, monotonic_ns};
 use edgecap::message::{
-    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation, ObservationFrame,
+    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, HealthFrame, HealthState,
+    Observation, ObservationFrame,
 };
 use edgecap::record::{Format, ObservationsRow, RecordWriter};
 use edgecap_client::{Publisher, Subscriber};
@@ -231,6 +232,68 @@ fn a_camera_that_comes_late_and_one_that_is_killed_are_done_without() {
     signal(fit.pid(), "TERM");
     let out = fit.wait(Duration::from_secs(60));
     assert!(out.status.success(), "{}", stderr(&out));
+}
+
+#[test]
+fn a_room_says_how_many_of_its_cameras_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let views = views(3, [640, 480]);
+    let names: Vec<String> = (0..3).map(|k| stream(&format!("roomful{k}"))).collect();
+    let named = views.iter().zip(&names);
+    let named = named.map(|(v, name)| View {
+        name: name.clone(),
+        ..v.clone()
+    });
+    let named: Vec<View> = named.collect();
+    let calibration = calibrated(folder.path(), &named);
+    let cameras = names.join(",");
+    let fit = |room: &str| {
+        let args = ["fit", "--cameras", &cameras, "--calibration", &calibration];
+        Running::start(&[&args[..], &["--name", room]].concat())
+    };
+    let room = stream("roomful");
+    let health = Subscriber::<HealthFrame>::open(&room).unwrap();
+    let run = fit(&room);
+    let open = |k: usize| Publisher::<ObservationFrame>::open(&names[k]).unwrap();
+    let mut publishers = vec![open(0), open(1), open(2)];
+    let began = Instant::now();
+    let told = |publishers: &mut [Publisher<ObservationFrame>], state, come| {
+        eventually("what is so", || {
+            for (publisher, view) in publishers.iter_mut().zip(&named) {
+                show(publisher, view, began);
+            }
+            let told = health.next(Duration::from_millis(25)).unwrap()?;
+            assert_eq!(told.cameras, 3);
+            let is_measured = told.observed_hz > 0.0 || state != HealthState::LIVE;
+            ((told.state, told.cameras_live) == (state, come) && is_measured).then_some(*told)
+        })
+    };
+    let all = told(&mut publishers, HealthState::LIVE, 3);
+    assert!(all.latency_us > 0 && all.observed > 0, "{all:?}");
+    assert_eq!((all.source_hz, all.left_out, all.input_width), (0.0, 0, 0));
+    publishers.pop();
+    told(&mut publishers, HealthState::LIVE, 2);
+    publishers.clear();
+    let none = told(&mut publishers, HealthState::STALLED, 0);
+    assert!(
+        none.observed > all.observed && none.observed_hz == 0.0,
+        "{none:?}"
+    );
+    drop(health);
+    stopped(run);
+    // Who has a camera's name leaves what is said under that to the camera.
+    let _health = Publisher::<HealthFrame>::open(&names[0]).unwrap();
+    let bodies = Subscriber::<BodyFrame>::open(&names[0]).unwrap();
+    let run = fit(&names[0]);
+    let mut publishers = [open(0), open(1)];
+    eventually("bodies", || {
+        for (publisher, view) in publishers.iter_mut().zip(&named) {
+            show(publisher, view, began);
+        }
+        bodies.next(Duration::from_millis(25)).unwrap().map(|_| ())
+    });
+    drop(bodies);
+    stopped(run);
 }
 
 #[test]

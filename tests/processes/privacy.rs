@@ -296,11 +296,15 @@ fn nothing_leaves_infer(film_name: &str, film: &[u8], people: bool) {
         let name = f.file_name().unwrap_or_default().to_string_lossy();
         f.starts_with(&place) && name.starts_with(CAMERA) && !name.ends_with(".lock")
     });
-    assert_eq!(streams.count(), 3, "observations, bodies and events");
+    assert_eq!(
+        streams.count(),
+        4,
+        "observations, bodies, events and health"
+    );
     let of_iceoryx2 = looked
         .iter()
         .filter(|f| f.extension().is_some_and(|e| e == "data"));
-    assert!(of_iceoryx2.count() >= 3, "the same in iceoryx2");
+    assert!(of_iceoryx2.count() >= 4, "the same in iceoryx2");
     let own = fs::metadata(&input).unwrap();
     for path in &looked {
         // Others' files come and go, and `infer` opens the film again at its end: what is told is what is read.

@@ -1,5 +1,5 @@
-/* Read edgecap's bodies, events and observations from shared memory in C99 or C++11; clients/c/examples/bodies.c is a whole program, edgecap.hpp
- * wraps this for C++.
+/* Read edgecap's bodies, events, observations and health from shared memory in C99 or C++11;
+ * clients/c/examples/bodies.c is a whole program, edgecap.hpp wraps this for C++.
  *
  * Camera frame: x right, y down, z forward, metres; pixels are those of the original picture, pixel centres on integers;
  * quaternions are xyzw; times are CLOCK_MONOTONIC nanoseconds.  The structures mirror clients/rust/src/message, whose
@@ -156,6 +156,23 @@ enum edgecap_event_kind {
 /* edgecap_event.hand: the person's own */
 enum edgecap_hand { EDGECAP_HAND_NONE = 0, EDGECAP_HAND_LEFT = 1, EDGECAP_HAND_RIGHT = 2 };
 
+/* edgecap_health_frame.state: what has become of the pictures */
+enum edgecap_health_state {
+    EDGECAP_HEALTH_STARTING = 0, /* none has come yet */
+    EDGECAP_HEALTH_LIVE = 1,     /* they come and are gone through */
+    EDGECAP_HEALTH_IDLE = 2,     /* they come; nobody is in view, so that only a few are glanced at */
+    EDGECAP_HEALTH_STALLED = 3,  /* none has come for a second, or 2.5 intervals, or none that can be decoded */
+    EDGECAP_HEALTH_AWAY = 4,     /* the camera is not there and is looked for, or its pictures do not fit its lens */
+    EDGECAP_HEALTH_ENDED = 5     /* the input has ended, or the process that tells has: nothing follows from it */
+};
+
+/* edgecap_health_frame.pace: whether the machine is fast enough */
+enum edgecap_health_pace {
+    EDGECAP_PACE_UNKNOWN = 0,  /* not told: of files, rooms, an empty place, and before a second has been measured */
+    EDGECAP_PACE_KEEPS_UP = 1, /* of the pictures that come and are wanted nine in ten at least are gone through */
+    EDGECAP_PACE_BEHIND = 2    /* fewer are: the others are dropped */
+};
+
 /* Pinhole camera of the original picture, pixels. */
 typedef struct edgecap_intrinsics {
     float fx, fy, cx, cy;
@@ -261,16 +278,43 @@ typedef struct edgecap_observation_frame {
     edgecap_intrinsics intrinsics;
     edgecap_stage_times stage_times;
     uint32_t flags;        /* enum edgecap_flag */
-    uint32_t without_neck; /* people of whom only loose joints were seen; they are not among people */
+    uint32_t without_neck; /* people left out because their neck was not found: whole arms or legs of nobody */
     uint32_t count;        /* valid entries of people */
     uint32_t frame_total;  /* pictures of the input; 0 when not known */
     edgecap_observation people[EDGECAP_MAX_PEOPLE]; /* by falling score */
 } edgecap_observation_frame;
 
-/* Readers of one camera's bodies, events and observations. */
+/* How a camera is doing, as the process that sees its pictures knows it; of a room of several cameras, as `fit` does.
+ * Published at every change of the state and about once a second, also while the camera is away.  While somebody
+ * publishes and none comes for several seconds, that process hangs. */
+typedef struct edgecap_health_frame {
+    uint64_t publish_ns;  /* when this frame was published; this and the next two are CLOCK_MONOTONIC of files, too */
+    uint64_t started_ns;  /* when the process that tells began to: what is counted is counted from then on */
+    uint64_t since_ns;    /* since when the state is what it is */
+    uint64_t sequence;    /* of the newest picture, as observations (of a room, bodies) have it */
+    uint64_t capture_ns;  /* when that was taken; 0 before the first */
+    uint64_t observed;    /* pictures of which was published who is in them; of a room, instants */
+    uint64_t left_out;    /* pictures that the camera took between those: dropped, or left out on purpose; of files 0 */
+    uint32_t state;       /* enum edgecap_health_state */
+    uint32_t flags;       /* enum edgecap_flag */
+    float source_hz;      /* pictures a second that the camera takes; 0: not known */
+    float observed_hz;    /* pictures a second of which is published who is in them */
+    float look_hz;        /* pictures a second of those that the network looks at */
+    uint32_t latency_us;  /* from capture to publication, of observations, of a room of bodies; median; 0: not known */
+    uint32_t pace;        /* enum edgecap_health_pace */
+    uint32_t people;      /* in the newest picture; 0 while none comes */
+    uint32_t input_width, input_height; /* of the network's input for a whole picture, pixels; 0: not known */
+    uint32_t reconnects;  /* how often the camera came back */
+    uint32_t restarts;    /* how often `run` has started this process again */
+    uint32_t cameras;     /* that this is about: 1, of a room all that belong to it */
+    uint32_t cameras_live; /* those of them whose pictures come */
+} edgecap_health_frame;
+
+/* Readers of one camera's bodies, events, observations and health. */
 typedef struct edgecap_bodies edgecap_bodies;
 typedef struct edgecap_events edgecap_events;
 typedef struct edgecap_observations edgecap_observations;
+typedef struct edgecap_health edgecap_health;
 
 /* Connects to the bodies of the run with this --name ("camera0" when it was given none), which need not run yet.
  * NULL when that fails. */
@@ -308,14 +352,24 @@ int edgecap_observations_newest(edgecap_observations *reader, uint32_t timeout_m
 int edgecap_observations_publishers(edgecap_observations *reader);
 int edgecap_observations_close(edgecap_observations *reader);
 
+/* The same for how the camera is doing. */
+edgecap_health *edgecap_health_open(const char *camera);
+int edgecap_health_next(edgecap_health *reader, uint32_t timeout_ms, const edgecap_health_frame **frame);
+int edgecap_health_newest(edgecap_health *reader, uint32_t timeout_ms, const edgecap_health_frame **frame);
+int edgecap_health_publishers(edgecap_health *reader);
+int edgecap_health_close(edgecap_health *reader);
+
 /* Takes a body of a frame to the floor-aligned world: 1 when `there` was written, 0 while no floor is known, -1 when it failed. */
 int edgecap_in_world(const edgecap_body_frame *frame, const edgecap_body *body, edgecap_world_body *there);
 
-/* Names, such as "r_wrist", "r_elbow_flexion", VRM's "rightLowerArm" and "zone_entered"; NULL for numbers that are none. */
+/* Names, such as "r_wrist", "r_elbow_flexion", VRM's "rightLowerArm", "zone_entered", "away" and "behind"; NULL for
+ * numbers that are none. */
 const char *edgecap_joint_name(uint32_t joint);
 const char *edgecap_angle_name(uint32_t angle);
 const char *edgecap_bone_name(uint32_t bone);
 const char *edgecap_event_name(uint32_t kind);
+const char *edgecap_health_state_name(uint32_t state);
+const char *edgecap_health_pace_name(uint32_t pace);
 
 /* The joint that a joint's bone starts in (the pelvis is its own parent), and the bone that carries a bone (the hips carry
  * themselves); -1 for numbers that are none. */

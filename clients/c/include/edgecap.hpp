@@ -1,4 +1,5 @@
-// Read edgecap's bodies, events and observations from shared memory in C++11 or newer; clients/c/examples/bodies.cpp is a whole program.
+// Read edgecap's bodies, events, observations and health from shared memory in C++11 or newer;
+// clients/c/examples/bodies.cpp is a whole program.
 //
 // What edgecap.h says of fields, frames and threads holds here, too. Failures are edgecap::Error.
 #ifndef EDGECAP_HPP
@@ -143,6 +144,14 @@ public:
     explicit Observations(const std::string &camera = "camera0")
         : Reader(camera, {edgecap_observations_open, edgecap_observations_next, edgecap_observations_newest,
                           edgecap_observations_publishers, edgecap_observations_close}) {}
+};
+
+// How the camera is doing, at every change and about once a second.
+class Health : public Reader<edgecap_health, edgecap_health_frame> {
+public:
+    explicit Health(const std::string &camera = "camera0")
+        : Reader(camera, {edgecap_health_open, edgecap_health_next, edgecap_health_newest, edgecap_health_publishers,
+                          edgecap_health_close}) {}
 };
 
 } // namespace edgecap

@@ -18,8 +18,8 @@ mod world;
 pub use error::edgecap_error;
 pub use names::{
     edgecap_angle_name, edgecap_bone_name, edgecap_bone_parent, edgecap_coco_joint,
-    edgecap_coco_name, edgecap_event_name, edgecap_joint_name, edgecap_joint_parent,
-    edgecap_kinect_joint, edgecap_kinect_name,
+    edgecap_coco_name, edgecap_event_name, edgecap_health_pace_name, edgecap_health_state_name,
+    edgecap_joint_name, edgecap_joint_parent, edgecap_kinect_joint, edgecap_kinect_name,
 };
 pub use reader::Reader;
 pub use streams::*;

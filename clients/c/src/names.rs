@@ -1,4 +1,4 @@
-//! Names of joints, angles, bones and events, and what carries what.
+//! Names of joints, angles, bones, events and states, and what carries what.
 
 use std::ffi::{CString, c_char, c_int};
 use std::ptr::null;
@@ -8,14 +8,13 @@ use edgecap_client::joints::{
     ANGLE_NAMES, COCO_JOINTS, COCO_KEYPOINTS, HUMANOID_BONES, HUMANOID_PARENTS, JOINT_NAMES,
     KINECT_JOINTS, KINECT_NAMES, PARENTS,
 };
-use edgecap_client::message::EventKind;
+use edgecap_client::message::{EventKind, HealthPace, HealthState};
 
 static JOINTS: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&JOINT_NAMES));
 static ANGLES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&ANGLE_NAMES));
-static EVENTS: LazyLock<Vec<CString>> = LazyLock::new(|| {
-    let names: Vec<&str> = (0..).map_while(|n| EventKind::from(n).name()).collect();
-    with_ends(&names)
-});
+static EVENTS: LazyLock<Vec<CString>> = LazyLock::new(|| numbered(|n| EventKind::from(n).name()));
+static STATES: LazyLock<Vec<CString>> = LazyLock::new(|| numbered(|n| HealthState::from(n).name()));
+static PACES: LazyLock<Vec<CString>> = LazyLock::new(|| numbered(|n| HealthPace::from(n).name()));
 static BONES: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&HUMANOID_BONES));
 static COCO: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&COCO_KEYPOINTS));
 static KINECT: LazyLock<Vec<CString>> = LazyLock::new(|| with_ends(&KINECT_NAMES));
@@ -87,6 +86,24 @@ fn joint(joints: &[Option<usize>], of: u32) -> c_int {
 #[unsafe(no_mangle)]
 pub extern "C" fn edgecap_event_name(kind: u32) -> *const c_char {
     EVENTS.get(kind as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// Name of what has become of a camera's pictures, such as `away`; null for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_health_state_name(state: u32) -> *const c_char {
+    STATES.get(state as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// Name of whether the machine is fast enough, such as `behind`; null for numbers that are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn edgecap_health_pace_name(pace: u32) -> *const c_char {
+    PACES.get(pace as usize).map_or(null(), |n| n.as_ptr())
+}
+
+/// The names that numbers from 0 on have.
+fn numbered(name: impl Fn(u32) -> Option<&'static str>) -> Vec<CString> {
+    let names: Vec<&str> = (0..).map_while(name).collect();
+    with_ends(&names)
 }
 
 fn with_ends(names: &[&str]) -> Vec<CString> {

@@ -3,7 +3,7 @@
 use std::ffi::{c_char, c_int};
 
 use edgecap_client::Subscriber;
-use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
+use edgecap_client::message::{BodyFrame, EventFrame, HealthFrame, ObservationFrame};
 
 use crate::reader::{self, Reader};
 
@@ -83,3 +83,5 @@ stream!(edgecap_observations of ObservationFrame: edgecap_observations_open, edg
     edgecap_observations_newest, edgecap_observations_publishers, edgecap_observations_close);
 stream!(edgecap_events of EventFrame: edgecap_events_open, edgecap_events_next, edgecap_events_newest,
     edgecap_events_publishers, edgecap_events_close);
+stream!(edgecap_health of HealthFrame: edgecap_health_open, edgecap_health_next, edgecap_health_newest,
+    edgecap_health_publishers, edgecap_health_close);

@@ -47,6 +47,7 @@ fn null_is_told() {
         assert!(error().contains("found NULL"));
     }
     assert!(edgecap_joint_name(21).is_null() && edgecap_bone_name(16).is_null());
+    assert!(edgecap_health_state_name(6).is_null() && edgecap_health_pace_name(3).is_null());
     assert!(edgecap_coco_name(17).is_null() && edgecap_kinect_name(32).is_null());
     assert_eq!((edgecap_coco_joint(17), edgecap_kinect_joint(32)), (-1, -1));
 }

@@ -19,6 +19,12 @@ What happens, rather than where everybody is, comes as a stream of its own (`doc
         for event in frame.events():
             print(event.event, event.person, event.zone)
 
+Whether nobody is there or the camera is unplugged, `edgecap.health("camera0")` tells, once a second and at every
+change:
+
+    health = edgecap.health("camera0").newest()
+    print(health.state if health else "nobody tells")
+
 `frame.in_world(body)` gives a body in the floor-aligned world (y up, floor at y = 0) once a floor is known, else None.
 With NumPy, `body.array("joints3d")` and `frame.array("joints3d")` are views of the message, not copies; NumPy is needed
 for nothing else.
@@ -29,6 +35,7 @@ CLOCK_MONOTONIC nanoseconds.  All errors are `EdgecapError` and say what to do.
 
 from .errors import AccessError, EdgecapError, NoFrame, UnknownName, VersionError
 from .event import EVENTS, HANDS, MAX_EVENTS, Event, EventFrame
+from .health_frame import HEALTH_STATES, PACES, HealthFrame
 from .message import (
     APPEARANCE_BINS,
     FLAG_END_OF_STREAM,
@@ -58,7 +65,7 @@ from .names import (
     PARENTS,
 )
 from .place import cameras, reading_dirs, runtime_dir
-from .stream import Stream, bodies, events, observations
+from .stream import Stream, bodies, events, health, observations
 from .world import WORLD_STATES, World, WorldBody
 
 __version__ = "0.1.0"
@@ -75,6 +82,7 @@ __all__ = [
     "FLAG_END_OF_STREAM",
     "FLAG_FILE_TIME",
     "HANDS",
+    "HEALTH_STATES",
     "HUMANOID_BONES",
     "HUMANOID_PARENTS",
     "JOINT_NAMES",
@@ -83,6 +91,7 @@ __all__ = [
     "KINECT_NAMES",
     "MAX_EVENTS",
     "MAX_PEOPLE",
+    "PACES",
     "PARENTS",
     "STATES",
     "WORLD_STATES",
@@ -92,6 +101,7 @@ __all__ = [
     "EdgecapError",
     "Event",
     "EventFrame",
+    "HealthFrame",
     "Intrinsics",
     "NoFrame",
     "Observation",
@@ -105,6 +115,7 @@ __all__ = [
     "bodies",
     "cameras",
     "events",
+    "health",
     "observations",
     "reading_dirs",
     "runtime_dir",

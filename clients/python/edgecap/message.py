@@ -225,7 +225,7 @@ class ObservationFrame(ctypes.Structure):
     stage_times: StageTimes
     flags: int
     without_neck: int
-    """People of whom only loose joints were seen; they are not among `people`."""
+    """People left out because their neck was not found: whole arms or legs that belong to nobody."""
     count: int
     frame_total: int
     """Frames of the input; 0 where not known."""

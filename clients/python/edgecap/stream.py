@@ -16,6 +16,7 @@ from typing import Any, Final, Generic, NoReturn
 
 from .errors import EdgecapError, NoFrame, UnknownName
 from .event import EventFrame
+from .health_frame import HealthFrame
 from .message import FLAG_END_OF_STREAM, FLAG_FILE_TIME, BodyFrame, ObservationFrame
 from .place import BODIES_VERSION, cameras, closed_service, reading_dirs
 from .ring import SLOTS, Kind, M, Ring, open_in
@@ -39,8 +40,8 @@ log = logging.getLogger("edgecap")
 class Stream(Generic[M]):
     """A reader of one camera's stream, which need not be there yet: a loop over it ends where a file does.
 
-    Where it is there it begins with the newest message; one of bodies or observations with the next where that is more
-    than two seconds old and does not end the stream.
+    Where it is there it begins with the newest message; one of bodies, observations or health with the next where that
+    is more than two seconds old and does not end the stream.
 
     Any thread and any signal's handler may close it, and that ends a loop over it; messages are taken by one thread at
     a time.
@@ -471,3 +472,8 @@ def events(camera: str = "camera0", timeout_s: float | None = None) -> Stream[Ev
     A message comes when something has happened, so silence is no sign of a failure.
     """
     return Stream(camera, "events", 1, EventFrame, timeout_s)
+
+
+def health(camera: str = "camera0", timeout_s: float | None = None) -> Stream[HealthFrame]:
+    """How a camera is doing, at every change of its state and about once a second; otherwise as `bodies`."""
+    return Stream(camera, "health", 1, HealthFrame, timeout_s)

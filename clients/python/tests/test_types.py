@@ -21,6 +21,10 @@ def wrists(camera: str) -> list[tuple[float, float, float]]:
 def zones(camera: str) -> list[tuple[str, int | None, str | None]]:
     return [(e.event, e.person, e.zone) for frame in edgecap.events(camera) for e in frame.events()]
 
+def is_away(camera: str) -> bool:
+    health: edgecap.HealthFrame | None = edgecap.health(camera).newest(3)
+    return health is not None and health.state == "away" and health.restarts == 0
+
 reveal_type([frame for frame in edgecap.bodies()])
 """
 

@@ -22,9 +22,16 @@ END_OF_FILE = edgecap.FLAG_END_OF_STREAM | edgecap.FLAG_FILE_TIME
 class Writer:
     """A publisher that gives signs of life until it is closed or killed."""
 
-    def __init__(self, folder: pathlib.Path, camera: str = "camera0", version: int = 2):
-        size = ctypes.sizeof(edgecap.BodyFrame)
-        self.path = folder / f"{camera}.bodies.v{version}"
+    def __init__(
+        self,
+        folder: pathlib.Path,
+        camera: str = "camera0",
+        version: int = 2,
+        stream: str = "bodies",
+        message: type[ctypes.Structure] = edgecap.BodyFrame,
+    ):
+        size = ctypes.sizeof(message)
+        self.path = folder / f"{camera}.{stream}.v{version}"
         new = self.path.with_suffix(".new")
         header = struct.pack("=8sIIIIQQQ", b"EDGECAP\x01", version, size, SLOTS, 0, random.getrandbits(64), 0, 0)
         new.write_bytes(header + bytes(64 - len(header) + SLOTS * size))
@@ -44,7 +51,7 @@ class Writer:
         while not self._stop.wait(0.1):
             self._sign()
 
-    def publish(self, frame: edgecap.BodyFrame) -> None:
+    def publish(self, frame: ctypes.Structure) -> None:
         os.pwrite(self.fd, bytes(frame), 64 + self.count % SLOTS * self.size)
         self.count += 1
         os.pwrite(self.fd, struct.pack("=Q", self.count), 32)

@@ -9,10 +9,72 @@ pub const LIMBS: usize = 13;
 /// Degrees of freedom of the fitted skeleton: 6 of the root, then 23 joint angles.
 pub const DOF: usize = 29;
 
+/// Index of the top of the head.
+pub const HEAD_TOP: usize = 0;
 /// Index of the neck, root of the association tree.
 pub const NECK: usize = 1;
+/// Index of the right shoulder.
+pub const R_SHOULDER: usize = 2;
+/// Index of the right elbow.
+pub const R_ELBOW: usize = 3;
+/// Index of the right wrist.
+pub const R_WRIST: usize = 4;
+/// Index of the left shoulder.
+pub const L_SHOULDER: usize = 5;
+/// Index of the left elbow.
+pub const L_ELBOW: usize = 6;
+/// Index of the left wrist.
+pub const L_WRIST: usize = 7;
+/// Index of the right hip.
+pub const R_HIP: usize = 8;
+/// Index of the right knee.
+pub const R_KNEE: usize = 9;
+/// Index of the right ankle.
+pub const R_ANKLE: usize = 10;
+/// Index of the left hip.
+pub const L_HIP: usize = 11;
+/// Index of the left knee.
+pub const L_KNEE: usize = 12;
+/// Index of the left ankle, the last evidence joint.
+pub const L_ANKLE: usize = 13;
 /// Index of the pelvis, root of the 3D joints.
 pub const PELVIS: usize = 14;
+/// Index of the spine.
+pub const SPINE: usize = 15;
+/// Index of the middle of the head.
+pub const HEAD: usize = 16;
+/// Index of the right hand.
+pub const R_HAND: usize = 17;
+/// Index of the left hand.
+pub const L_HAND: usize = 18;
+/// Index of the tip of the right foot.
+pub const R_FOOT_TIP: usize = 19;
+/// Index of the tip of the left foot.
+pub const L_FOOT_TIP: usize = 20;
+
+/// Shoulders, right and left, as all pairs here.
+pub const SHOULDERS: [usize; 2] = [R_SHOULDER, L_SHOULDER];
+/// Elbows.
+pub const ELBOWS: [usize; 2] = [R_ELBOW, L_ELBOW];
+/// Wrists.
+pub const WRISTS: [usize; 2] = [R_WRIST, L_WRIST];
+/// Hips.
+pub const HIPS: [usize; 2] = [R_HIP, L_HIP];
+/// Knees.
+pub const KNEES: [usize; 2] = [R_KNEE, L_KNEE];
+/// Ankles.
+pub const ANKLES: [usize; 2] = [R_ANKLE, L_ANKLE];
+/// Hands.
+pub const HANDS: [usize; 2] = [R_HAND, L_HAND];
+/// Tips of the feet.
+pub const FOOT_TIPS: [usize; 2] = [R_FOOT_TIP, L_FOOT_TIP];
+
+/// All joints that have one on the other side: (right, left). The first [`MIRRORED_EVIDENCE`] are evidence joints.
+pub const MIRRORED: [[usize; 2]; 8] = [
+    SHOULDERS, ELBOWS, WRISTS, HIPS, KNEES, ANKLES, HANDS, FOOT_TIPS,
+];
+/// How many of [`MIRRORED`] are pairs of evidence joints.
+pub const MIRRORED_EVIDENCE: usize = 6;
 
 /// Names of the body joints; the first [`EVIDENCE_JOINTS`] are the evidence joints.
 pub const JOINT_NAMES: [&str; BODY_JOINTS] = [
@@ -42,38 +104,68 @@ pub const JOINT_NAMES: [&str; BODY_JOINTS] = [
 /// Limbs as (child, parent) evidence joints; a part affinity field points from the child to the parent. Parents come
 /// before children when the tree is walked in this order from the neck.
 pub const LIMB_JOINTS: [(usize, usize); LIMBS] = [
-    (0, 1),
-    (2, 1),
-    (3, 2),
-    (4, 3),
-    (5, 1),
-    (6, 5),
-    (7, 6),
-    (8, 1),
-    (9, 8),
-    (10, 9),
-    (11, 1),
-    (12, 11),
-    (13, 12),
+    (HEAD_TOP, NECK),
+    (R_SHOULDER, NECK),
+    (R_ELBOW, R_SHOULDER),
+    (R_WRIST, R_ELBOW),
+    (L_SHOULDER, NECK),
+    (L_ELBOW, L_SHOULDER),
+    (L_WRIST, L_ELBOW),
+    (R_HIP, NECK),
+    (R_KNEE, R_HIP),
+    (R_ANKLE, R_KNEE),
+    (L_HIP, NECK),
+    (L_KNEE, L_HIP),
+    (L_ANKLE, L_KNEE),
 ];
+
+/// Index of the limb that leads to `child`, any evidence joint but the neck.
+///
+/// # Panics
+/// Where no limb does.
+pub const fn limb_to(child: usize) -> usize {
+    let mut limb = 0;
+    while LIMB_JOINTS[limb].0 != child {
+        limb += 1;
+    }
+    limb
+}
 
 /// Parent of every body joint; the pelvis is its own parent.
 pub const PARENTS: [usize; BODY_JOINTS] = [
-    16, 15, 1, 2, 3, 1, 5, 6, 14, 8, 9, 14, 11, 12, 14, 14, 1, 4, 7, 10, 13,
+    HEAD, SPINE, NECK, R_SHOULDER, R_ELBOW, NECK, L_SHOULDER, L_ELBOW, PELVIS, R_HIP, R_KNEE,
+    PELVIS, L_HIP, L_KNEE, PELVIS, PELVIS, NECK, R_WRIST, L_WRIST, R_ANKLE, L_ANKLE,
 ];
 
 /// Body joints ordered so that every parent comes before its children.
 pub const ROOT_FIRST: [usize; BODY_JOINTS] = [
-    14, 15, 8, 11, 1, 9, 12, 16, 2, 5, 10, 13, 0, 3, 6, 19, 20, 4, 7, 17, 18,
+    PELVIS, SPINE, R_HIP, L_HIP, NECK, R_KNEE, L_KNEE, HEAD, R_SHOULDER, L_SHOULDER, R_ANKLE,
+    L_ANKLE, HEAD_TOP, R_ELBOW, L_ELBOW, R_FOOT_TIP, L_FOOT_TIP, R_WRIST, L_WRIST, R_HAND, L_HAND,
 ];
 
 /// The evidence joint on the other side of the body (itself on the midline).
-pub const MIRROR: [usize; EVIDENCE_JOINTS] = [0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10];
+pub const MIRROR: [usize; EVIDENCE_JOINTS] = mirror(MIRRORED_EVIDENCE);
 
 /// The body joint on the other side of the body (itself on the midline).
-pub const MIRROR_BODY: [usize; BODY_JOINTS] = [
-    0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10, 14, 15, 16, 18, 17, 20, 19,
-];
+pub const MIRROR_BODY: [usize; BODY_JOINTS] = mirror(MIRRORED.len());
+
+/// Every joint's other side, by the first `pairs` of [`MIRRORED`].
+const fn mirror<const N: usize>(pairs: usize) -> [usize; N] {
+    let mut other = [0; N];
+    let mut j = 0;
+    while j < N {
+        other[j] = j;
+        j += 1;
+    }
+    let mut k = 0;
+    while k < pairs {
+        let [right, left] = MIRRORED[k];
+        other[right] = left;
+        other[left] = right;
+        k += 1;
+    }
+    other
+}
 
 /// Stature, metres, of the person that Stage I and Stage II describe: one view cannot tell size from distance, so the
 /// networks speak of a person rescaled to this height and the fit restores the true one.
@@ -168,18 +260,18 @@ pub const COCO_JOINTS: [Option<usize>; COCO_KEYPOINT_COUNT] = [
     None,
     None,
     None,
-    Some(5),
-    Some(2),
-    Some(6),
-    Some(3),
-    Some(7),
-    Some(4),
-    Some(11),
-    Some(8),
-    Some(12),
-    Some(9),
-    Some(13),
-    Some(10),
+    Some(L_SHOULDER),
+    Some(R_SHOULDER),
+    Some(L_ELBOW),
+    Some(R_ELBOW),
+    Some(L_WRIST),
+    Some(R_WRIST),
+    Some(L_HIP),
+    Some(R_HIP),
+    Some(L_KNEE),
+    Some(R_KNEE),
+    Some(L_ANKLE),
+    Some(R_ANKLE),
 ];
 
 /// Number of joints of Azure Kinect's body tracking.
@@ -221,33 +313,33 @@ pub const KINECT_NAMES: [&str; KINECT_JOINT_COUNT] = [
 ];
 /// The body joint for each of [`KINECT_NAMES`]; `None` where there is none.
 pub const KINECT_JOINTS: [Option<usize>; KINECT_JOINT_COUNT] = [
-    Some(14),
-    Some(15),
+    Some(PELVIS),
+    Some(SPINE),
     None,
-    Some(1),
+    Some(NECK),
     None,
-    Some(5),
-    Some(6),
-    Some(7),
-    Some(18),
-    None,
-    None,
-    None,
-    Some(2),
-    Some(3),
-    Some(4),
-    Some(17),
+    Some(L_SHOULDER),
+    Some(L_ELBOW),
+    Some(L_WRIST),
+    Some(L_HAND),
     None,
     None,
-    Some(11),
-    Some(12),
-    Some(13),
-    Some(20),
-    Some(8),
-    Some(9),
-    Some(10),
-    Some(19),
-    Some(16),
+    None,
+    Some(R_SHOULDER),
+    Some(R_ELBOW),
+    Some(R_WRIST),
+    Some(R_HAND),
+    None,
+    None,
+    Some(L_HIP),
+    Some(L_KNEE),
+    Some(L_ANKLE),
+    Some(L_FOOT_TIP),
+    Some(R_HIP),
+    Some(R_KNEE),
+    Some(R_ANKLE),
+    Some(R_FOOT_TIP),
+    Some(HEAD),
     None,
     None,
     None,
@@ -258,6 +350,45 @@ pub const KINECT_JOINTS: [Option<usize>; KINECT_JOINT_COUNT] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_named_joint_is_the_one_that_the_table_calls_so() {
+        macro_rules! named {
+            ($($joint:ident)*) => { [$(($joint, stringify!($joint))),*] };
+        }
+        let all = named!(
+            HEAD_TOP NECK R_SHOULDER R_ELBOW R_WRIST L_SHOULDER L_ELBOW L_WRIST R_HIP R_KNEE R_ANKLE L_HIP L_KNEE
+            L_ANKLE PELVIS SPINE HEAD R_HAND L_HAND R_FOOT_TIP L_FOOT_TIP
+        );
+        assert_eq!(all.map(|(_, name)| name.to_lowercase()), JOINT_NAMES);
+        assert_eq!(all.map(|(joint, _)| joint), std::array::from_fn(|j| j));
+    }
+
+    #[test]
+    fn every_joint_of_a_side_is_in_a_pair_with_that_of_the_other_side() {
+        let right = JOINT_NAMES
+            .iter()
+            .filter_map(|name| name.strip_prefix("r_"));
+        let pairs = MIRRORED.map(|pair| pair.map(|j| JOINT_NAMES[j].to_owned()));
+        let expected: Vec<_> = right
+            .map(|name| [format!("r_{name}"), format!("l_{name}")])
+            .collect();
+        assert_eq!(Vec::from(pairs), expected);
+        let evidence = MIRRORED
+            .iter()
+            .filter(|pair| pair.iter().all(|j| *j < EVIDENCE_JOINTS));
+        assert_eq!(evidence.count(), MIRRORED_EVIDENCE);
+        assert_eq!(MIRROR, [0, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10]);
+        assert_eq!(MIRROR_BODY[..EVIDENCE_JOINTS], MIRROR);
+        assert_eq!(MIRROR_BODY[EVIDENCE_JOINTS..], [14, 15, 16, 18, 17, 20, 19]);
+    }
+
+    #[test]
+    fn a_limb_is_found_by_where_it_leads() {
+        for (limb, (child, _)) in LIMB_JOINTS.iter().enumerate() {
+            assert_eq!(limb_to(*child), limb, "{}", JOINT_NAMES[*child]);
+        }
+    }
 
     /// What a body joint would be called by name and side.
     fn ours(name: &str) -> String {

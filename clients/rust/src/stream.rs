@@ -6,7 +6,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use zerocopy::{FromBytes, Immutable, IntoBytes};
 
 use crate::error::LinkError;
-use crate::message::{BodyFrame, EventFrame, ObservationFrame, PictureFrame};
+use crate::message::{BodyFrame, EventFrame, HealthFrame, ObservationFrame, PictureFrame};
 
 /// A message type with a stream of its own.
 pub trait Message:
@@ -64,6 +64,19 @@ impl Message for EventFrame {
     }
 }
 
+impl Message for HealthFrame {
+    const STREAM: &'static str = "health";
+    const VERSION: u32 = 1;
+
+    fn flags(&self) -> u32 {
+        self.flags
+    }
+
+    fn told_ns(&self) -> Option<u64> {
+        (self.publish_ns > 0).then_some(self.publish_ns)
+    }
+}
+
 impl Message for PictureFrame {
     const STREAM: &'static str = "pictures";
     const VERSION: u32 = 1;
@@ -100,6 +113,7 @@ pub(crate) fn stem_of(file_name: &str) -> Option<&str> {
         ObservationFrame::STREAM,
         BodyFrame::STREAM,
         EventFrame::STREAM,
+        HealthFrame::STREAM,
         PictureFrame::STREAM,
     ]
     .contains(&stream);
@@ -126,6 +140,7 @@ mod tests {
     fn files_of_streams_are_told_from_others() {
         assert_eq!(stem_of("camera0.bodies.v2"), Some("camera0.bodies"));
         assert_eq!(stem_of("a-b.observations.lock"), Some("a-b.observations"));
+        assert_eq!(stem_of("camera0.health.v1"), Some("camera0.health"));
         for other in ["camera0.bodies", "bodies.v2", "lock", ".bodies.v2", "a.b.c"] {
             assert_eq!(stem_of(other), None, "{other}");
         }

@@ -1,7 +1,6 @@
 //! `edgecap fit --cameras`: what several `infer` processes publish becomes one body a person, in the calibration's
 //! axes.
 
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
@@ -12,16 +11,17 @@ use edgecap_client::{LinkError, Priority, Subscriber};
 use super::numbers::Succession;
 use super::pace::{Fresh, Pace};
 use super::{FitTask, STEP};
-use crate::camera::{Sleep, View, calibration, monotonic_ns};
+use crate::camera::{Sleep, View, monotonic_ns};
 use crate::commands::exit::{Failure, told};
-use crate::commands::multiview::{names, no_such_camera, pictured};
+use crate::commands::health::HealthStream;
 use crate::commands::outputs::finish;
-use crate::commands::say;
 use crate::commands::stop::Stop;
+use crate::commands::views::pictured;
+use crate::metrics::About;
 use crate::multiview::live::{LeftOut, LiveFit, Synchroniser};
-use crate::multiview::{MOST_VIEWS, to_view};
-use crate::sink::{Packet, Rhythm, Sinks};
-use crate::supervise::{Beat, Heartbeat, has_worked_before};
+use crate::multiview::to_view;
+use crate::sink::{Packet, Rhythm, Sinks, Streams};
+use crate::supervise::{Beat, Heartbeat, has_worked_before, restarts};
 
 /// Observations that may wait while one instant is fitted.
 const WAITING: usize = 64;
@@ -31,73 +31,6 @@ const LOOK_AGAIN: Duration = Duration::from_millis(10);
 const SAID_AFTER: Duration = Duration::from_secs(1);
 /// A camera that has not come at all, or comes and cannot be combined with the others, is spoken of after this.
 const AWAITED: Duration = Duration::from_secs(5);
-
-/// Cameras of a calibration, and the names under which their observations are published.
-#[derive(Debug)]
-pub struct Chosen {
-    /// As the calibration describes them.
-    pub views: Vec<View>,
-    /// One a view.
-    pub names: Vec<String>,
-}
-
-/// Finds the cameras in the calibration.
-///
-/// # Errors
-/// Calibrations that cannot be read or hold one camera, cameras that are not in it, or come twice.
-pub fn choose(cameras: &[String], file: &Path) -> anyhow::Result<Chosen> {
-    let calibration = calibration::read(file)?;
-    for note in calibration
-        .notes
-        .iter()
-        .chain(&calibration.as_written(file))
-    {
-        say::err(note);
-    }
-    let all = calibration.views;
-    if all.len() < 2 {
-        return Err(Failure::data(format!(
-            "{}: expected the calibration of at least two cameras, found one, {}; one camera alone is fitted by 'fit --name'",
-            file.display(),
-            names(&all)
-        ))
-        .into());
-    }
-    if !(2..=MOST_VIEWS).contains(&cameras.len()) {
-        return Err(Failure::usage(format!(
-            "--cameras: expected 2 to {MOST_VIEWS} names, such as --cameras {},{}, found {}",
-            all[0].name,
-            all[1].name,
-            cameras.len()
-        ))
-        .into());
-    }
-    let mut chosen = Chosen {
-        views: Vec::new(),
-        names: Vec::new(),
-    };
-    for text in cameras {
-        let (camera, name) = text.split_once('=').unwrap_or((text, text));
-        let Some(view) = all.iter().find(|v| v.name == camera) else {
-            let unknown = no_such_camera(&all, &format!("of {}", file.display()), camera);
-            return Err(Failure::usage(format!(
-                "--cameras {text}: {unknown}; CAMERA=NAME tells whose observations have another name"
-            ))
-            .into());
-        };
-        let twice =
-            chosen.views.iter().any(|v| v.name == camera) || chosen.names.iter().any(|n| n == name);
-        if twice {
-            return Err(Failure::usage(format!(
-                "--cameras {text}: expected every camera and every name once, found it twice"
-            ))
-            .into());
-        }
-        chosen.views.push(view.clone());
-        chosen.names.push(name.to_owned());
-    }
-    Ok(chosen)
-}
 
 /// Fits until the user stops it or all cameras have ended. One that is not there is waited for.
 ///
@@ -114,6 +47,7 @@ pub fn live(
 ) -> anyhow::Result<()> {
     let over = AtomicBool::new(false);
     let (mut frames, mut succession) = (0, Succession::after(task.before));
+    let mut health = health_of(names, task)?;
     let outcome = std::thread::scope(|threads| {
         let _ends = Ends(&over);
         let (to, news) = sync_channel(WAITING);
@@ -129,7 +63,14 @@ pub fn live(
                 .map_err(|e| Failure::no_thread("for each camera", &e))?;
         }
         drop(to);
-        let mut publish = |out: &mut BodyFrame| -> anyhow::Result<()> {
+        let mut publish = |out: Option<&mut BodyFrame>, come: usize| -> anyhow::Result<()> {
+            let Some(out) = out else {
+                health.look(|health, now| {
+                    health.come(come);
+                    health.waits(now);
+                })?;
+                return Ok(());
+            };
             frames += 1;
             succession.go_on(out);
             out.publish_ns = monotonic_ns();
@@ -139,6 +80,10 @@ pub fn live(
                 picture: None,
             })?;
             heart.beat(Beat::Step);
+            health.look(|health, now| {
+                health.come(come);
+                health.observed(now, &(&*out).into(), false);
+            })?;
             Ok(())
         };
         fit_all(
@@ -151,7 +96,23 @@ pub fn live(
             &mut publish,
         )
     });
-    finish(sinks, frames, outcome).1
+    health.end();
+    let ended = finish(sinks, frames, outcome).1;
+    health.finish();
+    ended
+}
+
+/// What is said of a room whose bodies have this task's name; nothing where a camera says it of itself under that.
+fn health_of(names: &[String], task: &FitTask) -> Result<HealthStream, LinkError> {
+    let about = About {
+        is_sequence: false,
+        restarts: restarts(),
+        cameras: names.len() as u32,
+        ..About::default()
+    };
+    let streams = Streams::of_camera(task.name());
+    let is_free = names.iter().all(|name| name != task.name());
+    HealthStream::open(about, is_free.then_some(&streams))
 }
 
 /// Ends the readers, however the fit ends.
@@ -187,6 +148,8 @@ fn read(
     Ok(())
 }
 
+/// Fits until all cameras have ended or the user stops it. `publish` gets bodies as they come, or nothing where there
+/// are none yet, and how many cameras send.
 fn fit_all(
     mut fit: LiveFit,
     names: &[String],
@@ -194,7 +157,7 @@ fn fit_all(
     news: &Receiver<News>,
     stop: &Stop,
     heart: &Heartbeat,
-    publish: &mut dyn FnMut(&mut BodyFrame) -> anyhow::Result<()>,
+    publish: &mut dyn FnMut(Option<&mut BodyFrame>, usize) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut cameras = Cameras {
         are_awaited: heart.is_supervised(),
@@ -231,6 +194,7 @@ fn fit_all(
             together.push(camera, &frame, now);
         }
         cameras.say(&together, now);
+        let come = cameras.come(Instant::now());
         let mut is_idle = true;
         while let Some(set) = together.next(now) {
             let slept = sleep.seconds();
@@ -242,17 +206,18 @@ fn fit_all(
             fit_us = start.elapsed().as_micros() as u32;
             out.fit_us = fit_us;
             if pace.fitted(&out, Instant::now()) {
-                publish(&mut out)?;
+                publish(Some(&mut out), come)?;
             }
             is_idle = false;
         }
         if pace.is_due(Instant::now()) {
             fit.predict(monotonic_ns(), &mut out);
             out.fit_us = fit_us;
-            publish(&mut out)?;
+            publish(Some(&mut out), come)?;
             is_idle = false;
         }
         if is_idle {
+            publish(None, come)?;
             let beat = match cameras.are_of_no_use(Instant::now()) {
                 true => Beat::Away,
                 false => Beat::Idle,
@@ -429,6 +394,12 @@ impl<'a> Cameras<'a> {
         Ok(())
     }
 
+    /// How many come `now` and go with the calibration.
+    fn come(&self, now: Instant) -> usize {
+        let come = self.each.iter().filter(|c| c.counts(self.began, now));
+        come.count()
+    }
+
     /// Whether some camera is left out, and none comes `now` that goes with the calibration.
     fn are_of_no_use(&self, now: Instant) -> bool {
         let mut going_on = self.each.iter().filter(|c| !c.ended);
@@ -597,11 +568,16 @@ mod tests {
             cameras.are_of_no_use(began + Duration::from_secs_f64(after))
         };
         assert!(!are_of_no_use(&cameras, 0.0), "none has come");
+        let come = |cameras: &Cameras<'_>, after: f64| {
+            cameras.come(began + Duration::from_secs_f64(after))
+        };
+        assert_eq!(come(&cameras, 0.0), 0);
         assert_eq!(checked(&mut cameras, 0, false, 0.1), Ok(false));
         assert!(are_of_no_use(&cameras, 0.1), "the other one has not come");
         assert_eq!(checked(&mut cameras, 1, true, 1.0), Ok(true));
         assert_eq!(checked(&mut cameras, 0, false, 1.1), Ok(false));
         assert!(!are_of_no_use(&cameras, 1.1));
+        assert_eq!((come(&cameras, 1.1), come(&cameras, 9.0)), (1, 0));
         // The one that fits is unplugged.
         assert_eq!(checked(&mut cameras, 0, false, 9.0), Ok(false));
         assert!(are_of_no_use(&cameras, 9.0));

@@ -5,7 +5,6 @@ mod cameras;
 mod lines;
 pub mod numbers;
 mod pace;
-pub mod settings;
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -17,8 +16,9 @@ use edgecap_client::{Priority, Subscriber};
 use serde::{Deserialize, Serialize};
 
 use super::apart::Apart;
-use super::events;
+use super::event_settings;
 use super::exit::Failure;
+use super::fit_settings::{config, fitter};
 use super::input::{DEFAULT_NAME, lens};
 use super::job::{self, Supervised};
 use super::log;
@@ -26,6 +26,7 @@ use super::outputs::{RecordArgs, finish};
 use super::say;
 use super::settings::parse_rate;
 use super::stop::Stop;
+use super::views;
 use lines::Lines;
 use numbers::{Before, Numbers, Succession};
 use pace::{Fresh, Pace};
@@ -39,8 +40,6 @@ use crate::multiview::live::{LiveFit, without_meaning};
 use crate::record::{BodiesRow, CameraSource, ObservationReader};
 use crate::sink::{EventSink, Packet, SharedMemorySink, SinkError, Sinks};
 use crate::supervise::{Beat, Heartbeat};
-pub use cameras::choose as choose_cameras;
-use settings::{config, fitter};
 
 /// Longest wait for an observation: signals and the supervisor want to be heard.
 const STEP: Duration = Duration::from_millis(200);
@@ -130,7 +129,7 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
         .check()?;
     let mut sinks = Sinks::default();
     if let Some(calibration) = &task.calibration {
-        let chosen = cameras::choose(&task.cameras, calibration)?;
+        let chosen = views::choose(&task.cameras, calibration)?;
         let config = config(task.config.as_ref())?;
         let idle = without_meaning(&config);
         if !idle.is_empty() {
@@ -169,7 +168,7 @@ pub fn fit(args: FitArgs) -> anyhow::Result<()> {
 
 /// Bodies, and what happens with them, into shared memory.
 fn publish(task: &FitTask, sinks: &mut Sinks<BodyFrame>) -> anyhow::Result<()> {
-    let config = events::config(task.events.as_ref())?;
+    let config = event_settings::config(task.events.as_ref())?;
     sinks.push(SharedMemorySink::<BodyFrame>::open(task.name())?);
     let mut to = Sinks::default();
     to.push(SharedMemorySink::<EventFrame>::open(task.name())?);

@@ -7,14 +7,13 @@ use std::thread::Builder;
 use super::RunArgs;
 use super::again::OneOfSeveral;
 use super::live::{self, Plan};
-use super::own::expect_each_its_own;
 use super::pulse::Pulse;
 use super::taken;
 use crate::bridge::websocket::Access;
 use crate::commands::exit::{self, Failure, told_again};
-use crate::commands::input::{self, NamedInput};
+use crate::commands::input::NamedInput;
 use crate::commands::say;
-use crate::commands::settings::Loopback;
+use crate::commands::settings::{Loopback, expect_camera, expect_each_its_own, expect_one_for_vmc};
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
@@ -32,7 +31,7 @@ pub const PROCESSES: [&str; 2] = ["infer", "fit"];
 pub fn run(runs: &[RunArgs], stop: &Stop) -> anyhow::Result<()> {
     let chosen = runs
         .iter()
-        .map(checked)
+        .map(expect_camera)
         .collect::<anyhow::Result<Vec<_>>>()?;
     expect_one_for_vmc(runs)?;
     expect_each_its_own(runs, &chosen)?;
@@ -132,47 +131,6 @@ fn outcome(ended: impl Iterator<Item = anyhow::Result<()>>) -> anyhow::Result<()
         Ok(()) => 2,
     };
     ended.min_by_key(rank).unwrap_or(Ok(()))
-}
-
-/// What a run that is one of a camera opens.
-///
-/// # Errors
-/// Names that cannot be; exit code 64 for a file, and for what only a file can have.
-pub fn checked(args: &RunArgs) -> anyhow::Result<NamedInput> {
-    let chosen = input::choose(&args.input)?;
-    if !chosen.is_live() {
-        return Err(Failure::usage(format!(
-            "{}: one of several cameras: expected a camera, or a film with live = true; a file is run alone",
-            chosen.spec
-        ))
-        .into());
-    }
-    if args.overlay.is_some() {
-        return Err(Failure::usage(
-            "--overlay keeps pictures of people: expected a file; for a camera 'edgecap infer --overlay' does",
-        )
-        .into());
-    }
-    if !args.export.is_empty() {
-        return Err(Failure::usage(
-            "--export writes a whole take: expected a file; of a camera 'edgecap record' makes a take, and 'edgecap export' exports it",
-        )
-        .into());
-    }
-    Ok(chosen)
-}
-
-/// Refuses VMC of several cameras that are no room: each numbers its people for itself.
-///
-/// # Errors
-/// Exit code 64.
-pub fn expect_one_for_vmc(runs: &[RunArgs]) -> Result<(), Failure> {
-    match runs {
-        [first, _, ..] if first.bridges.vmc.is_some() => Err(Failure::usage(
-            "--vmc has a port for each person: expected one camera; 'edgecap bridge --vmc' takes one of several",
-        )),
-        _ => Ok(()),
-    }
 }
 
 /// Serves figures where the run wants them.

@@ -11,11 +11,12 @@ use edgecap_client::{Priority, service_name};
 use super::{RunArgs, taken};
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
-use crate::commands::events;
+use crate::commands::event_settings;
 use crate::commands::exit::{self, Failure};
 use crate::commands::export::Exports;
-use crate::commands::fit::settings::fitter;
-use crate::commands::infer::{Limits, Observer, Step};
+use crate::commands::fit_settings::fitter;
+use crate::commands::health::HealthStream;
+use crate::commands::infer::{Observer, Step};
 use crate::commands::input::{self, NamedInput};
 use crate::commands::outputs::finish;
 use crate::commands::relay::{PictureRelay, hush};
@@ -23,7 +24,9 @@ use crate::commands::say;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
+use crate::metrics::About;
 use crate::record::BodiesRow;
+use crate::schedule::pace::Limits;
 use crate::sink::{
     EventSink, OverlaySink, Packet, PictureSink, SharedMemorySink, Silence, Sinks, Streams,
 };
@@ -37,6 +40,8 @@ const LOOK_UP: Duration = Duration::from_millis(200);
 struct Observed {
     message: Box<ObservationFrame>,
     source: String,
+    /// The network's input, pixels across and down.
+    input: (usize, usize),
     /// Where somebody wants to draw on it.
     picture: Option<Frame>,
 }
@@ -72,7 +77,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         )?);
     }
     let mut happened = Sinks::default();
-    let events = events::config(args.fitting.events.as_ref())?;
+    let events = event_settings::config(args.fitting.events.as_ref())?;
     args.bridges
         .add_events_to(&mut happened, &chosen.name, hub)?;
     let mut table = Table::new(args.table);
@@ -88,6 +93,13 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         streams.add_to(&mut sinks, PictureSink::open)?;
     }
     streams.add_to(&mut happened, SharedMemorySink::<EventFrame>::open)?;
+    let about = About {
+        is_file: true,
+        is_sequence: !source.is_stills(),
+        ..About::default()
+    };
+    let mut health = HealthStream::open(about, Some(&streams))?;
+    health.look(|_, _| ())?;
     let mut pictures = PictureRelay::to_page(&chosen.name, &chosen.name, hub, Priority::Reserved)?;
     if !happened.is_empty() {
         sinks.push(EventSink::new(events, happened));
@@ -115,6 +127,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
                 Ok(Observed {
                     message,
                     source,
+                    input,
                     picture,
                 }) => {
                     silence.hear(Instant::now());
@@ -131,14 +144,22 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
                         source: &source,
                         picture: picture.as_ref(),
                     });
-                    if written.is_err() {
-                        break;
-                    }
+                    let told = health.look(|health, now| {
+                        health.looks_at(input);
+                        health.observed(now, &(&*out).into(), false);
+                    });
+                    written = written.and(told);
                 }
                 // A film is as slow as this machine; what has no end may have stalled where it comes from.
-                Err(RecvTimeoutError::Timeout) if has_end => {}
-                Err(RecvTimeoutError::Timeout) => hush(&mut silence, &mut sinks, &mut pictures),
+                Err(RecvTimeoutError::Timeout) if has_end => written = health.look(|_, _| ()),
+                Err(RecvTimeoutError::Timeout) => {
+                    hush(&mut silence, &mut sinks, &mut pictures);
+                    written = health.look(|health, now| health.waits(now));
+                }
                 Err(RecvTimeoutError::Disconnected) => break,
+            }
+            if written.is_err() {
+                break;
             }
             if let Some(Err(e)) = pictures.as_mut().map(PictureRelay::look) {
                 tracing::debug!("{}: {e}", chosen.name);
@@ -156,6 +177,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     });
     // Publishers wait a little for those who still read.
     drop(pictures);
+    health.end();
     table.finish();
     let is_stopped = matches!(outcome, Ok(false)) && has_end;
     let stopped = || anyhow::Error::from(Failure::stopped(tally.frames));
@@ -168,6 +190,7 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         sinks.break_off();
     }
     let (mut words, ended) = finish(sinks, tally.frames, outcome);
+    health.finish();
     let is_broken = is_stopped || ended.is_err();
     // What was seen before a film broke off is exported, too.
     let (exported, is_exported) = match kept.filter(|_| tally.frames > 0) {
@@ -203,6 +226,7 @@ fn see(
         let observed = Observed {
             message,
             source: observer.picture_name().to_owned(),
+            input: observer.input(),
             picture: observer.picture().filter(|_| wants_pictures).cloned(),
         };
         if send.send(observed).is_err() {

@@ -32,16 +32,16 @@ impl Infer {
 }
 
 impl Infers {
-    /// One for every camera with this name.
+    /// One for every camera with this name; `before`: how often a camera's was started before that began anew.
     ///
     /// # Errors
     /// If options cannot be written.
-    pub fn new(tasks: Vec<(String, InferTask)>) -> anyhow::Result<Self> {
+    pub fn new(tasks: Vec<(String, InferTask)>, before: u64) -> anyhow::Result<Self> {
         let each = tasks.into_iter().map(|(camera, task)| {
             Ok(Infer {
                 camera,
                 waits: task.waits,
-                child: Child::new("infer", task)?,
+                child: Child::new("infer", task)?.after(before),
                 ended: false,
                 failed: false,
                 away: false,

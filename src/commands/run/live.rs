@@ -102,8 +102,8 @@ pub fn run(
         say_what_begins(&plan, &table);
     }
     let mut task = plan.fit;
-    let mut fit = Child::new("fit", &task)?;
-    let mut infers = Infers::new(plan.infers)?;
+    let mut fit = Child::new("fit", &task)?.after(meter.starts("fit"));
+    let mut infers = Infers::new(plan.infers, meter.starts("infer"))?;
     let (mut tally, mut silence) = (Tally::default(), Silence::default());
     let told = Told {
         meter,

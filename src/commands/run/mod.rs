@@ -4,7 +4,7 @@
 //! fits for all of them.
 
 mod again;
-pub mod args;
+mod args;
 mod cameras;
 mod file;
 mod flow;
@@ -12,7 +12,6 @@ mod hints;
 mod infers;
 mod live;
 mod mend;
-mod own;
 mod pulse;
 mod room;
 mod taken;
@@ -20,11 +19,8 @@ mod taken;
 use super::exit::Failure;
 use super::input::{self, NamedInput};
 use super::result;
-use super::settings::{self, Effective, Settings};
+use super::settings::{self, Effective, RunArgs, Settings};
 use super::stop::Stop;
-pub use args::RunArgs;
-pub use cameras::{checked as expect_camera, expect_one_for_vmc};
-pub use own::{Devices, expect_addresses};
 
 /// Runs the whole system: on the input that the user named, else on every camera of the settings, else on the first
 /// camera.

@@ -4,22 +4,22 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::RunArgs;
-use super::cameras::{PROCESSES, checked, figures};
+use super::cameras::{PROCESSES, figures};
 use super::live::{self, Plan};
-use super::own::expect_each_its_own;
 use super::pulse::Pulse;
 use super::taken;
 use crate::camera::{CameraFile, View};
 use crate::capture::Mounting;
 use crate::commands::fit::numbers::Before;
-use crate::commands::fit::{FitTask, ROOM, choose_cameras};
+use crate::commands::fit::{FitTask, ROOM};
 use crate::commands::infer::InferTask;
 use crate::commands::input::{CaptureSize, NamedInput};
 use crate::commands::say;
-use crate::commands::settings::FittingArgs;
+use crate::commands::settings::{FittingArgs, expect_camera, expect_each_its_own};
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
+use crate::commands::views::choose;
 use crate::config::Setting;
 use crate::metrics::Meter;
 use crate::supervise::ServiceManager;
@@ -36,11 +36,11 @@ pub fn run(
 ) -> anyhow::Result<()> {
     let chosen = runs
         .iter()
-        .map(checked)
+        .map(expect_camera)
         .collect::<anyhow::Result<Vec<_>>>()?;
     expect_each_its_own(runs, &chosen)?;
     let names: Vec<String> = chosen.iter().map(|c| c.name.clone()).collect();
-    let views = choose_cameras(&names, calibration)?.views;
+    let views = choose(&names, calibration)?.views;
     let mut args = runs[0].clone();
     // What is said of results is said of the room: by all cameras, or by the first that does.
     if let Some(run) = runs.iter().find(|r| !r.record.is_empty()) {

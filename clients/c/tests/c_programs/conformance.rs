@@ -1,5 +1,5 @@
-//! One run, read in Rust, Python, C and C++ at once: everybody finds the same in every field of bodies, observations
-//! and events.
+//! One run, read in Rust, Python, C and C++ at once: everybody finds the same in every field of bodies, observations,
+//! events and health.
 //!
 //! Each reader names every field through its own interface and prints it, floats as their bits. Lines that begin with
 //! `~` hold what readers work out themselves, which may differ in its last digits.
@@ -10,13 +10,13 @@ use std::process::{Child, Command, Stdio};
 
 use edgecap_client::joints::BODY_JOINTS;
 use edgecap_client::message::{
-    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, MAX_EVENTS, MAX_PEOPLE,
+    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, HealthFrame, MAX_EVENTS, MAX_PEOPLE,
     ObservationFrame,
 };
 use edgecap_client::{Message, Publisher, Subscriber};
 
 use crate::compile::{C, CPP, HERE, program};
-use crate::numbers::{Numbers, some_bodies, some_events, some_observations};
+use crate::numbers::{Numbers, some_bodies, some_events, some_health, some_observations};
 use crate::printed::Print;
 use crate::tools;
 
@@ -117,10 +117,12 @@ fn readers_in_four_languages_find_the_same_in_every_field() {
     let mut bodies = Publisher::<BodyFrame>::open(&camera).unwrap();
     let mut observations = Publisher::<ObservationFrame>::open(&camera).unwrap();
     let mut events = Publisher::<EventFrame>::open(&camera).unwrap();
+    let mut health = Publisher::<HealthFrame>::open(&camera).unwrap();
     let rust = (
         Subscriber::<BodyFrame>::open(&camera).unwrap(),
         Subscriber::<ObservationFrame>::open(&camera).unwrap(),
         Subscriber::<EventFrame>::open(&camera).unwrap(),
+        Subscriber::<HealthFrame>::open(&camera).unwrap(),
     );
     let mut readers = Vec::new();
     for (name, mut command) in commands(folder.path()) {
@@ -146,6 +148,12 @@ fn readers_in_four_languages_find_the_same_in_every_field() {
         expected.events(&frame);
         frame
     });
+    // Each state.
+    publish(&mut health, &[0, 1, 2, 3, 4, 5], |state, flags| {
+        let frame = some_health(&mut numbers, state, flags);
+        expected.health(&frame);
+        frame
+    });
     let mut found = Print::default();
     found.names();
     for frame in rust.0.messages() {
@@ -156,6 +164,9 @@ fn readers_in_four_languages_find_the_same_in_every_field() {
     }
     for frame in rust.2.messages() {
         found.events(&frame.unwrap());
+    }
+    for frame in rust.3.messages() {
+        found.health(&frame.unwrap());
     }
     assert_same("Rust", &found.0, &expected.0);
     for reader in readers {

@@ -118,16 +118,27 @@ fn installed(prefix: &Path) {
     assert!(said.contains(env!("CARGO_PKG_VERSION")), "{said}");
 }
 
+/// Below the folder for builds it is cargo's settings that say where, and an older build may lie elsewhere.
 #[test]
-fn a_folder_for_builds_is_the_one_that_cargo_builds_in() {
+fn what_is_installed_is_what_cargo_has_built_in_the_folder_for_builds() {
     let folder = tempfile::tempdir().unwrap();
-    // In cargo's place: puts what is built already where cargo would.
+    let older = folder.path().join("built/release");
+    std::fs::create_dir_all(&older).unwrap();
+    for library in ["libedgecap_c.so", "libedgecap_c.a"] {
+        std::fs::write(older.join(library), "older").unwrap();
+    }
+    // In cargo's place: puts what is built already where cargo would that builds for a triple, and says so.
     let tools = folder.path().join("tools");
     std::fs::create_dir(&tools).unwrap();
     let cargo = tools.join("cargo");
     let built = libraries().display().to_string();
     let script = format!(
-        "#!/bin/sh\nmkdir -p \"$CARGO_TARGET_DIR/release\"\ncp {built}/libedgecap_c.* \"$CARGO_TARGET_DIR/release\"\n"
+        r#"#!/bin/sh
+to=$CARGO_TARGET_DIR/triple/release
+mkdir -p "$to"
+cp {built}/libedgecap_c.* "$to"
+printf '{{"reason":"compiler-artifact","filenames":["%s/libedgecap_c.so","%s/libedgecap_c.a"]}}\n' "$to" "$to"
+"#
     );
     // By a child: what this process has open for writing while a neighbour forks cannot be run for as long as the fork
     // has it open, too.
@@ -142,8 +153,12 @@ fn a_folder_for_builds_is_the_one_that_cargo_builds_in() {
         .env_remove("EDGECAP_LIBRARIES")
         .env("PATH", format!("{}:{path}", tools.display()))
         .env("CARGO_TARGET_DIR", "built"));
-    assert!(folder.path().join("installed/lib/libedgecap_c.so").exists());
-    assert!(folder.path().join("built/release").exists());
+    for library in ["libedgecap_c.so", "libedgecap_c.a"] {
+        let read = |folder: &Path| std::fs::read(folder.join(library)).unwrap();
+        let installed = read(&folder.path().join("installed/lib"));
+        assert!(installed == read(&libraries()), "{library}");
+    }
+    assert!(folder.path().join("built/triple").exists());
 }
 
 #[test]

@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 use edgecap_c::edgecap_world_body;
 use edgecap_client::Publisher;
 use edgecap_client::message::{
-    Body, BodyFrame, Event, EventFrame, Intrinsics, Observation, ObservationFrame, StageTimes,
-    World,
+    Body, BodyFrame, Event, EventFrame, HealthFrame, Intrinsics, Observation, ObservationFrame,
+    StageTimes, World,
 };
 
 use compile::{C, CPP, program, run};
@@ -52,6 +52,7 @@ fn structures_have_the_same_layout() {
         BodyFrame edgecap_body_frame: sequence capture_ns pose_ns publish_ns width height intrinsics stage_times fit_us flags count frame_total world bodies;
         Event edgecap_event: kind person seconds hand zone;
         EventFrame edgecap_event_frame: sequence time_ns publish_ns first flags count present main_person events;
+        HealthFrame edgecap_health_frame: publish_ns started_ns since_ns sequence capture_ns observed left_out state flags source_hz observed_hz look_hz latency_us pace people input_width input_height reconnects restarts cameras cameras_live;
         Observation edgecap_observation: score joints2d joints3d hue saturation;
         ObservationFrame edgecap_observation_frame: sequence capture_ns publish_ns width height intrinsics stage_times flags without_neck count frame_total people;
         edgecap_world_body edgecap_world_body: position orientation velocity joints3d;
@@ -82,7 +83,9 @@ fn names_and_numbers_agree() {
         ANGLE_NAMES, BODY_JOINTS, DOF, EVIDENCE_JOINTS, HUMANOID_BONE_COUNT, HUMANOID_BONES,
         JOINT_NAMES,
     };
-    use edgecap_client::message::{APPEARANCE_BINS, EventKind, MAX_EVENTS, MAX_PEOPLE, ZONE_NAME};
+    use edgecap_client::message::{
+        APPEARANCE_BINS, EventKind, HealthPace, HealthState, MAX_EVENTS, MAX_PEOPLE, ZONE_NAME,
+    };
     let joints: String = JOINT_NAMES
         .iter()
         .map(|n| format!("printf(\"%d \", (int)EDGECAP_{});\n", n.to_uppercase()))
@@ -101,17 +104,26 @@ fn names_and_numbers_agree() {
         let print = |n: &String| format!("printf(\"%d \", (int)EDGECAP_{prefix}_{n});\n");
         names.iter().map(print).collect()
     };
+    let states: Vec<&str> = (0..).map_while(|n| HealthState::from(n).name()).collect();
+    let paces: Vec<&str> = (0..).map_while(|n| HealthPace::from(n).name()).collect();
+    let in_health = |prefix, names: &[&str]| {
+        let capitals: Vec<String> = names.iter().map(|n| n.to_uppercase()).collect();
+        numbers(prefix, &capitals)
+    };
+    let health = in_health("HEALTH", &states) + &in_health("PACE", &paces);
     let angles = numbers("ANGLE", &ANGLE_NAMES.map(str::to_uppercase));
     let bones = numbers("BONE", &HUMANOID_BONES.map(in_capitals));
     let text = format!(
         "#include <edgecap.h>\n#include <stdio.h>\nint main(void) {{\nuint32_t i;\n{joints}{angles}{bones}\
          printf(\"%d %d %d %d \", EDGECAP_BODY_JOINTS, EDGECAP_DOF, EDGECAP_BONES, EDGECAP_MAX_PEOPLE);\n\
          printf(\"%d %d \", EDGECAP_MAX_EVENTS, EDGECAP_ZONE_NAME);\n\
-         printf(\"%d %d\\n\", EDGECAP_EVIDENCE_JOINTS, EDGECAP_APPEARANCE_BINS);\n{kinds}\
+         printf(\"%d %d\\n\", EDGECAP_EVIDENCE_JOINTS, EDGECAP_APPEARANCE_BINS);\n{kinds}{health}\
          for (i = 0; edgecap_joint_name(i); i++) printf(\"%s\\n\", edgecap_joint_name(i));\n\
          for (i = 0; edgecap_angle_name(i); i++) printf(\"%s\\n\", edgecap_angle_name(i));\n\
          for (i = 0; edgecap_bone_name(i); i++) printf(\"%s\\n\", edgecap_bone_name(i));\n\
          for (i = 0; edgecap_event_name(i); i++) printf(\"%s\\n\", edgecap_event_name(i));\n\
+         for (i = 0; edgecap_health_state_name(i); i++) printf(\"%s\\n\", edgecap_health_state_name(i));\n\
+         for (i = 0; edgecap_health_pace_name(i); i++) printf(\"%s\\n\", edgecap_health_pace_name(i));\n\
          return 0;\n}}\n"
     );
     let folder = tempfile::tempdir().unwrap();
@@ -125,7 +137,9 @@ fn names_and_numbers_agree() {
         .collect();
     expected += &format!("{BODY_JOINTS} {DOF} {HUMANOID_BONE_COUNT} {MAX_PEOPLE} ");
     expected += &format!("{MAX_EVENTS} {ZONE_NAME} {EVIDENCE_JOINTS} {APPEARANCE_BINS}\n");
-    expected += &(0..events.len())
+    expected += &[&events, &states, &paces]
+        .into_iter()
+        .flat_map(|names| 0..names.len())
         .map(|i| format!("{i} "))
         .collect::<String>();
     for name in JOINT_NAMES
@@ -133,6 +147,8 @@ fn names_and_numbers_agree() {
         .chain(&ANGLE_NAMES)
         .chain(&HUMANOID_BONES)
         .chain(&events)
+        .chain(&states)
+        .chain(&paces)
     {
         expected += &format!("{name}\n");
     }

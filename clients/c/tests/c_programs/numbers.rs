@@ -1,8 +1,8 @@
 //! Messages with numbers in every field.
 
 use edgecap_client::message::{
-    Body, BodyFrame, Event, EventFrame, Intrinsics, Observation, ObservationFrame, StageTimes,
-    World,
+    Body, BodyFrame, Event, EventFrame, HealthFrame, Intrinsics, Observation, ObservationFrame,
+    StageTimes, World,
 };
 
 /// Numbers without a pattern, the same every time.
@@ -140,5 +140,31 @@ pub fn some_events(n: &mut Numbers, count: usize, flags: u32) -> EventFrame {
             event.set_zone(["", "door", "Tür", &"x".repeat(80)][i % 4]);
             event
         }),
+    }
+}
+
+pub fn some_health(n: &mut Numbers, state: usize, flags: u32) -> HealthFrame {
+    HealthFrame {
+        publish_ns: n.long(),
+        started_ns: n.long(),
+        since_ns: n.long(),
+        sequence: n.long(),
+        capture_ns: n.long(),
+        observed: n.long(),
+        left_out: n.long(),
+        state: (state as u32).into(),
+        flags,
+        source_hz: n.float(),
+        observed_hz: n.float(),
+        look_hz: n.float(),
+        latency_us: n.next(),
+        pace: (n.next() % 3).into(),
+        people: n.next(),
+        input_width: n.next(),
+        input_height: n.next(),
+        reconnects: n.next(),
+        restarts: n.next(),
+        cameras: n.next(),
+        cameras_live: n.next(),
     }
 }

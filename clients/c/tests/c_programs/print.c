@@ -146,6 +146,18 @@ static void print_events(const edgecap_event_frame *f) {
     }
 }
 
+static void print_health(const edgecap_health_frame *f) {
+    const float rates[] = {f->source_hz, f->observed_hz, f->look_hz};
+    printf("health %s\npace %s\n", edgecap_health_state_name(f->state), edgecap_health_pace_name(f->pace));
+    printf("times %llu %llu", (number)f->publish_ns, (number)f->started_ns);
+    printf(" %llu %llu\n", (number)f->since_ns, (number)f->capture_ns);
+    printf("counts %llu %llu %llu\n", (number)f->sequence, (number)f->observed, (number)f->left_out);
+    printf("flags %u\n", f->flags);
+    bits("rates", rates, sizeof rates);
+    printf("latency %u\npeople %u\ninput %u %u\n", f->latency_us, f->people, f->input_width, f->input_height);
+    printf("again %u %u\ncameras %u %u\n", f->reconnects, f->restarts, f->cameras, f->cameras_live);
+}
+
 /* Reads a stream to its end. */
 #define READ(kind, reader, type, print)                                                                                \
     do {                                                                                                               \
@@ -164,7 +176,8 @@ int main(int argc, char **argv) {
     edgecap_bodies *bodies = edgecap_bodies_open(camera);
     edgecap_observations *observations = edgecap_observations_open(camera);
     edgecap_events *events = edgecap_events_open(camera);
-    int failed = !bodies || !observations || !events;
+    edgecap_health *health = edgecap_health_open(camera);
+    int failed = !bodies || !observations || !events || !health;
     if (!failed) {
         puts("ready");
         fflush(stdout);
@@ -172,11 +185,13 @@ int main(int argc, char **argv) {
         READ(bodies, bodies, edgecap_body_frame, print_frame);
         READ(observations, observations, edgecap_observation_frame, print_observations);
         READ(events, events, edgecap_event_frame, print_events);
+        READ(health, health, edgecap_health_frame, print_health);
     }
     if (failed)
         fprintf(stderr, "print: %s\n", edgecap_error());
     edgecap_bodies_close(bodies);
     edgecap_observations_close(observations);
     edgecap_events_close(events);
+    edgecap_health_close(health);
     return failed;
 }

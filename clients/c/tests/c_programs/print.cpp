@@ -148,6 +148,21 @@ void print(const edgecap_event_frame &f) {
     }
 }
 
+void print(const edgecap_health_frame &f) {
+    line("health", {edgecap_health_state_name(f.state)});
+    line("pace", {edgecap_health_pace_name(f.pace)});
+    line("times", {f.publish_ns, f.started_ns, f.since_ns, f.capture_ns});
+    line("counts", {f.sequence, f.observed, f.left_out});
+    line("flags", {f.flags});
+    const float rates[] = {f.source_hz, f.observed_hz, f.look_hz};
+    bits_of("rates", rates);
+    line("latency", {f.latency_us});
+    line("people", {f.people});
+    line("input", {f.input_width, f.input_height});
+    line("again", {f.reconnects, f.restarts});
+    line("cameras", {f.cameras, f.cameras_live});
+}
+
 template <typename Reader> void read(Reader &reader) {
     for (bool is_last = false; !is_last;) {
         if (const auto *frame = reader.next()) {
@@ -164,6 +179,7 @@ int main(int argc, char **argv) try {
     edgecap::Bodies bodies(camera);
     edgecap::Observations observations(camera);
     edgecap::Events events(camera);
+    edgecap::Health health(camera);
     std::cout << "ready" << std::endl << std::setprecision(9);
     names("joints", EDGECAP_BODY_JOINTS, edgecap_joint_name);
     names("parents", EDGECAP_BODY_JOINTS, edgecap_joint_parent);
@@ -180,6 +196,7 @@ int main(int argc, char **argv) try {
     read(bodies);
     read(observations);
     read(events);
+    read(health);
     return 0;
 } catch (const edgecap::Error &error) {
     std::cerr << "print: " << error.what() << std::endl;

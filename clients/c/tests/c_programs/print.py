@@ -46,7 +46,7 @@ def stages(t):
     line("stages", t.preprocess_us, t.stage1_us, t.association_us, t.stage2_us)
 
 
-streams = [of(sys.argv[1]) for of in (edgecap.bodies, edgecap.observations, edgecap.events)]
+streams = [of(sys.argv[1]) for of in (edgecap.bodies, edgecap.observations, edgecap.events, edgecap.health)]
 print("ready", flush=True)
 line("joints", *edgecap.JOINT_NAMES)
 line("parents", *edgecap.PARENTS)
@@ -98,3 +98,15 @@ for f in streams[2]:
         bits("seconds", e.seconds)
         line("hand", e.hand or "none")
         line("zone", *([e.zone] if e.zone else []))
+for f in streams[3]:
+    line("health", f.state)
+    line("pace", f.pace)
+    line("times", f.publish_ns, f.started_ns, f.since_ns, f.capture_ns)
+    line("counts", f.sequence, f.observed, f.left_out)
+    line("flags", f.flags)
+    bits("rates", f.source_hz, f.observed_hz, f.look_hz)
+    line("latency", f.latency_us)
+    line("people", f.people)
+    line("input", f.input_width, f.input_height)
+    line("again", f.reconnects, f.restarts)
+    line("cameras", f.cameras, f.cameras_live)

@@ -7,8 +7,8 @@ use edgecap_client::joints::{
     KINECT_JOINTS, KINECT_NAMES, PARENTS,
 };
 use edgecap_client::message::{
-    Body, BodyFrame, Event, EventFrame, EventKind, Intrinsics, Observation, ObservationFrame,
-    StageTimes, World,
+    Body, BodyFrame, Event, EventFrame, EventKind, HealthFrame, Intrinsics, Observation,
+    ObservationFrame, StageTimes, World,
 };
 
 /// What every reader prints.
@@ -212,5 +212,42 @@ impl Print {
             self.line("hand", hand.name());
             self.line("zone", Some(event.zone()).filter(|z| !z.is_empty()));
         }
+    }
+
+    pub fn health(&mut self, frame: &HealthFrame) {
+        let HealthFrame {
+            publish_ns,
+            started_ns,
+            since_ns,
+            sequence,
+            capture_ns,
+            observed,
+            left_out,
+            state,
+            flags,
+            source_hz,
+            observed_hz,
+            look_hz,
+            latency_us,
+            pace,
+            people,
+            input_width,
+            input_height,
+            reconnects,
+            restarts,
+            cameras,
+            cameras_live,
+        } = frame;
+        self.line("health", state.name());
+        self.line("pace", pace.name());
+        self.line("times", [publish_ns, started_ns, since_ns, capture_ns]);
+        self.line("counts", [sequence, observed, left_out]);
+        self.line("flags", [flags]);
+        self.bits("rates", [source_hz, observed_hz, look_hz]);
+        self.line("latency", [latency_us]);
+        self.line("people", [people]);
+        self.line("input", [input_width, input_height]);
+        self.line("again", [reconnects, restarts]);
+        self.line("cameras", [cameras, cameras_live]);
     }
 }

@@ -1,4 +1,5 @@
-//! The message contract: what `infer` publishes to `fit`, and what `fit` publishes to local apps: bodies and events.
+//! The message contract: what `infer` publishes to `fit`, what `fit` publishes to local apps, bodies and events, and
+//! what both say of themselves.
 //!
 //! Every type is `#[repr(C)]`, has no pointers, no padding and a fixed size, and is valid for all bit patterns, so that
 //! C and Python read it through a plain struct. Camera frame: x right, y down, z forward, metres; pixels are those of
@@ -54,11 +55,13 @@ macro_rules! open_enum {
 
 mod body;
 mod event;
+mod health;
 mod observation;
 mod picture;
 
 pub use body::{Body, BodyFrame, BodyState, JointState, World, WorldState};
 pub use event::{Event, EventFrame, EventKind, Hand, MAX_EVENTS, ZONE_NAME};
+pub use health::{HealthFrame, HealthPace, HealthState};
 pub use observation::{Observation, ObservationFrame};
 pub use picture::{MAX_PICTURE, PictureFrame};
 

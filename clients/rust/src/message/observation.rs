@@ -59,7 +59,7 @@ pub struct ObservationFrame {
     pub stage_times: StageTimes,
     /// `FLAG_*` bits.
     pub flags: u32,
-    /// People whose neck was not found and who were therefore left out.
+    /// People left out because their neck was not found: whole arms or legs that belong to nobody.
     pub without_neck: u32,
     /// Valid entries of `people`.
     pub count: u32,

@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 use edgecap_client::Publisher;
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, Event, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Observation,
-    ObservationFrame, World, WorldState,
+    Body, BodyFrame, BodyState, Event, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, HealthFrame,
+    HealthState, Observation, ObservationFrame, World, WorldState,
 };
 
 /// The numbers that a Python script prints; `None` without Python.
@@ -81,6 +81,77 @@ fn python_structures_have_the_same_layout() {
         offset_of!(BodyFrame, bodies),
     ];
     assert_eq!(found, expected);
+}
+
+macro_rules! places {
+    ($($field:ident)*) => { [size_of::<HealthFrame>(), $(offset_of!(HealthFrame, $field)),*] };
+}
+
+#[test]
+fn what_is_said_of_health_lies_in_memory_as_ours_does() {
+    let script = "import edgecap as e, ctypes\n\
+        h = e.HealthFrame\n\
+        print(ctypes.sizeof(h), *(getattr(h, f).offset for f, _ in h._fields_))";
+    let Some(found) = python::<usize>(script) else {
+        return;
+    };
+    let expected = places!(publish_ns started_ns since_ns sequence capture_ns observed left_out
+        state flags source_hz observed_hz look_hz latency_us pace people input_width input_height
+        reconnects restarts cameras cameras_live);
+    assert_eq!(found, expected);
+}
+
+#[test]
+fn the_python_of_the_page_on_health_works_as_printed() {
+    if !crate::tools::has("python3") {
+        return;
+    }
+    let page = include_str!("../../../../docs/clients.md");
+    let code = page.split("## Health").nth(1).unwrap();
+    let code = code.split("```python\n").nth(1).unwrap();
+    let code = code.split("```").next().unwrap();
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("edgecap");
+    // It goes on until it is killed, or nobody reads what it prints.
+    let mut python = Command::new("python3")
+        .args(["-B", "-u", "-c", code])
+        .env(
+            "PYTHONPATH",
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../python"),
+        )
+        .env("EDGECAP_RUNTIME_DIR", &folder)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(python.stdout.take().unwrap()).lines();
+    let mut before = String::new();
+    let mut says = |words: &str| {
+        // On a busy machine it may have time to say the same again.
+        let line = lines.find(|line| line.as_ref().is_ok_and(|l| *l != before));
+        before = line.expect("it goes on").unwrap();
+        assert_eq!(before, words);
+    };
+    says("nobody publishes camera0");
+    let mut publisher = Publisher::<HealthFrame>::open_at(&folder, "camera0").unwrap();
+    // The line that the page prints as an example.
+    let health = HealthFrame {
+        publish_ns: 12_000_000_000,
+        since_ns: 0,
+        state: HealthState::LIVE,
+        source_hz: 30.0,
+        observed_hz: 29.9,
+        latency_us: 42_000,
+        people: 2,
+        ..HealthFrame::default()
+    };
+    assert!(code.contains(&format!("# {health}")), "{code}");
+    publisher.publish(&health).unwrap();
+    says(&health.to_string());
+    says("it hangs; run starts it again");
+    drop(publisher);
+    says("nobody publishes camera0");
+    python.kill().unwrap();
+    python.wait().unwrap();
 }
 
 #[test]
