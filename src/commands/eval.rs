@@ -26,7 +26,7 @@ const WITHOUT_TRUTH: [&str; 3] = ["no_people", "multiview", "humaneva"];
 /// Options of `edgecap eval`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct EvalArgs {
-    /// Predictions: the JSON lines that `infer --jsonl` or `run --jsonl` wrote
+    /// Predictions: a record of 'infer', 'fit' or 'run', by --jsonl or --record
     #[arg(
         long,
         value_name = "FILE",

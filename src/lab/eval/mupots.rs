@@ -4,13 +4,14 @@
 //! rescaled to the true lengths from the pelvis outwards, and people without a match count as wrong ("all") or are left
 //! out ("matched"). Agrees with the data set's own `mpii_mupots_multiperson_eval` in its relative mode.
 
-use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PARENTS, PELVIS, ROOT_FIRST};
+use edgecap_client::joints::{
+    BODY_JOINTS, EVIDENCE_JOINTS, HEAD_TOP, NECK, PARENTS, PELVIS, ROOT_FIRST,
+};
 use serde::Serialize;
 
 use super::geometry::{Point, mean, minus, norm, plus};
 use super::pose3d::{area_under_curve, correct};
 
-const HEAD_TOP: usize = 0;
 /// Joints this near in u and in v agree, pixels.
 const NEAR: f64 = 40.0;
 /// Joints that tell who is who: the evidence joints without the head top.

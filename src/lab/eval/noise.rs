@@ -8,7 +8,8 @@
 use std::collections::BTreeMap;
 
 use edgecap_client::joints::{
-    BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, MIRROR, NECK, PELVIS,
+    ANKLES, BODY_JOINTS, CANONICAL_STATURE, ELBOWS, EVIDENCE_JOINTS, HIPS, KNEES, MIRROR, NECK,
+    PELVIS, SHOULDERS, WRISTS,
 };
 use edgecap_client::message::ObservationFrame;
 
@@ -28,7 +29,7 @@ const DETECTABLE: usize = 8;
 /// A joint farther off than this (metres) is an outlier, not noise.
 const FAR_OFF: f64 = 0.3;
 /// Joints of arms and legs as right–left pairs.
-const SIDES: [[(usize, usize); 3]; 2] = [[(2, 5), (3, 6), (4, 7)], [(8, 11), (9, 12), (10, 13)]];
+const SIDES: [[[usize; 2]; 3]; 2] = [[SHOULDERS, ELBOWS, WRISTS], [HIPS, KNEES, ANKLES]];
 /// Left and right can be told apart where a limb's joints lie this far apart (metres, mean over pairs) in the picture.
 const APART: f64 = 0.15;
 /// Seconds in a row for which a person is missed from which it is a burst, and beyond which the person is simply not
@@ -183,9 +184,9 @@ impl NoiseMeter {
         let length = |e: [f64; 2]| e[0].hypot(e[1]);
         let mut exchanged = [false; EVIDENCE_JOINTS];
         for (limb, pairs) in SIDES.into_iter().enumerate() {
-            let pairs = pairs.iter().filter(|(r, l)| has(*r) && has(*l));
+            let pairs = pairs.iter().filter(|[r, l]| has(*r) && has(*l));
             let (mut as_is, mut crossed, mut apart, mut n) = (0.0, 0.0, 0.0, 0.0);
-            for &(r, l) in pairs.clone() {
+            for &[r, l] in pairs.clone() {
                 as_is += length(off(r, r)) + length(off(l, l));
                 crossed += length(off(r, l)) + length(off(l, r));
                 let between = [0, 1]
@@ -200,7 +201,7 @@ impl NoiseMeter {
             if crossed < 0.6 * as_is && as_is - crossed > APART * n {
                 self.swaps[0] += 1;
                 moment.swapped[limb] = true;
-                for &(r, l) in pairs {
+                for &[r, l] in pairs {
                     (exchanged[r], exchanged[l]) = (true, true);
                 }
             }
@@ -229,12 +230,12 @@ impl NoiseMeter {
         };
         for pairs in SIDES {
             let (mut as_is, mut crossed) = (0.0, 0.0);
-            for &(r, l) in &pairs {
+            for &[r, l] in &pairs {
                 as_is += norm(between(r, r)) + norm(between(l, l));
                 crossed += norm(between(r, l)) + norm(between(l, r));
             }
             if crossed < 0.6 * as_is {
-                for (r, l) in pairs {
+                for [r, l] in pairs {
                     (exchanged[r], exchanged[l]) = (true, true);
                 }
             }

@@ -1,12 +1,12 @@
 //! Share of correct keypoints: single people in pictures, Leeds Sports Pose's measure.
 
-use edgecap_client::joints::EVIDENCE_JOINTS;
+use edgecap_client::joints::{EVIDENCE_JOINTS, L_SHOULDER, R_HIP};
 
 use super::TruthPerson;
 use super::oks::{self, Joints2d};
 
 /// Left shoulder and right hip, whose distance is the torso's size.
-pub const TORSO: (usize, usize) = (5, 8);
+pub const TORSO: (usize, usize) = (L_SHOULDER, R_HIP);
 
 /// Counts joints within a fraction of the torso of their label.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,8 +13,8 @@ use super::oks::{AveragePrecision, ImageOks, Joints2d, average_precision};
 use super::pairing::pair;
 use super::recall::{self, Picture, RecallRow, labelled};
 use super::{
-    EvalError, Finding, JointSet, Pck, Person, Pose3d, PoseErrors, PredictedFrame, Predictions,
-    Quiet, TruthFrame, TruthPerson, TruthSet, find_people,
+    EvalError, Finding, JointSet, Pck, Pckh, PckhScore, Person, Pose3d, PoseErrors, PredictedFrame,
+    Predictions, Quiet, TruthFrame, TruthPerson, TruthSet, find_people,
 };
 use crate::assignment::Matcher;
 
@@ -85,6 +85,9 @@ pub struct Report {
     /// The same, joint by joint.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub pck_per_joint: Vec<(&'static str, Option<f64>)>,
+    /// PCKh@0.5, MPII's, of the same people where something tells the size of heads.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pckh: Option<PckhScore>,
     /// 3D errors of everybody who is matched from OKS 0.1 on.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pose3d: Option<Pose3d>,
@@ -257,16 +260,20 @@ fn scene<'a>(
     }
 }
 
-/// PCK over every person that counts.
+/// PCK and PCKh over every person that counts.
 fn points(scenes: &[Scene], report: &mut Report) {
     let mut pck = Pck::new(PCK_FRACTION);
+    let mut pckh = Pckh::default();
     for s in scenes {
         for (t, person) in s.truth.people.iter().enumerate() {
             if !s.evidence.ignored[t] {
-                pck.add(person, s.partner(t).map(|p| &p.joints2d));
+                let seen = s.partner(t).map(|p| &p.joints2d);
+                pck.add(person, seen);
+                pckh.add(person, seen);
             }
         }
     }
+    report.pckh = pckh.score();
     if pck.people() > 0 {
         report.pck = Some(pck.mean());
         report.pck_per_joint = JOINT_NAMES[..EVIDENCE_JOINTS]

@@ -2,7 +2,9 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use super::{JointSet, Protocol, Report};
+use edgecap_client::joints::HEAD_TOP;
+
+use super::{JointSet, PckhScore, Protocol, Report};
 
 fn row(f: &mut Formatter<'_>, name: &str, value: impl Display) -> fmt::Result {
     writeln!(f, "{name:<36}{value}")
@@ -21,6 +23,18 @@ fn known(x: Option<f64>, text: impl Fn(f64) -> String) -> String {
     x.map_or("–".to_owned(), text)
 }
 
+/// How many heads, and what told their size.
+fn heads_of(p: &PckhScore) -> String {
+    let kinds = [
+        (p.people - p.head_by_joints, "by box"),
+        (p.head_by_joints, "by 0.75 of upper neck to head top"),
+        (p.without_head, "unknown and left out"),
+    ];
+    let kinds = kinds.iter().filter(|(n, _)| *n > 0);
+    let kinds: Vec<String> = kinds.map(|(n, how)| format!("{n} {how}")).collect();
+    kinds.join(", ")
+}
+
 impl Display for Report {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         if let Some(q) = self.quiet {
@@ -36,6 +50,7 @@ impl Display for Report {
         row(f, "people predicted", self.predicted_people)?;
         self.finding(f)?;
         self.joints(f)?;
+        self.heads(f)?;
         self.solid(f)?;
         self.time(f)
     }
@@ -96,6 +111,22 @@ impl Report {
             if let Some(share) = share {
                 row(f, &format!("  {name}"), percent(*share))?;
             }
+        }
+        Ok(())
+    }
+
+    fn heads(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Some(p) = &self.pckh else { return Ok(()) };
+        let of = format!("{}, heads: {}", percent(p.mean), heads_of(p));
+        row(f, "PCKh@0.5 of the head's size", of)?;
+        for (name, share) in &p.parts {
+            let mut text = known(*share, percent);
+            // Tables of the validation set have the top alone, those of the test set both.
+            let top = p.per_joint[HEAD_TOP].1;
+            if let Some(top) = top.filter(|_| *name == "head") {
+                text += &format!(", its top alone {}", percent(top));
+            }
+            row(f, &format!("  {name}"), text)?;
         }
         Ok(())
     }

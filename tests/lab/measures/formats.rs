@@ -226,10 +226,10 @@ fn mpii_people_of_one_picture_come_together() {
     let short = text.replacen("[0.0,2.0],", "", 1);
     let said = TruthSet::parse(&short, "t", Format::Auto, None).unwrap_err();
     assert!(said.to_string().contains("15 and 16"), "{said}");
-    // Right ankle, left shoulder, right wrist, head top, neck (thorax); the file's first pixel is 1.
+    // Right ankle, left shoulder, right wrist, head top, neck (upper neck); the file's first pixel is 1.
     assert_eq!(
         [at(10), at(5), at(4), at(0), at(1)],
-        [Some(-1.0), Some(12.0), Some(9.0), Some(8.0), Some(6.0)]
+        [Some(-1.0), Some(12.0), Some(9.0), Some(8.0), Some(7.0)]
     );
     assert_eq!(people[0].bbox[1], 1.0);
 }

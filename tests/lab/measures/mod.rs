@@ -3,6 +3,7 @@
 mod counted;
 mod formats;
 mod keypoints;
+mod pckh;
 mod poses;
 mod refused;
 mod tracks;

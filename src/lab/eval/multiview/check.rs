@@ -2,7 +2,10 @@
 
 use std::fmt::{self, Display, Formatter};
 
-use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS, JOINT_NAMES};
+use edgecap_client::joints::{
+    BODY_JOINTS, EVIDENCE_JOINTS, HEAD_TOP, JOINT_NAMES, L_ANKLE, L_ELBOW, L_HIP, L_KNEE,
+    L_SHOULDER, L_WRIST, NECK, R_ANKLE, R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
+};
 use edgecap_client::message::{BodyFrame, ObservationFrame};
 use glam::{DVec2, DVec3};
 
@@ -24,21 +27,21 @@ const NEAR: f64 = 0.5;
 /// … and it is that person seen rightly, where another detector says what is right.
 const RIGHT: f64 = 0.12;
 /// Head top and neck: every detector marks them elsewhere.
-const MARKED_DIFFERENTLY: [usize; 2] = [0, 1];
+const MARKED_DIFFERENTLY: [usize; 2] = [HEAD_TOP, NECK];
 /// Bones between evidence joints whose summed length gives the size of a person.
 const BONES: [(usize, usize); 12] = [
-    (1, 2),
-    (1, 5),
-    (2, 3),
-    (3, 4),
-    (5, 6),
-    (6, 7),
-    (1, 8),
-    (1, 11),
-    (8, 9),
-    (9, 10),
-    (11, 12),
-    (12, 13),
+    (NECK, R_SHOULDER),
+    (NECK, L_SHOULDER),
+    (R_SHOULDER, R_ELBOW),
+    (R_ELBOW, R_WRIST),
+    (L_SHOULDER, L_ELBOW),
+    (L_ELBOW, L_WRIST),
+    (NECK, R_HIP),
+    (NECK, L_HIP),
+    (R_HIP, R_KNEE),
+    (R_KNEE, R_ANKLE),
+    (L_HIP, L_KNEE),
+    (L_KNEE, L_ANKLE),
 ];
 
 /// The evidence joints of one person in space; unknown where views do not see or do not agree.

@@ -1,12 +1,12 @@
-//! COCO keypoints, and sets in its format with other keypoints (CrowdPose, OCHuman).
+//! COCO keypoints, and sets in its format with other keypoints (CrowdPose, OCHuman, MPII).
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use edgecap_client::joints::{EVIDENCE_JOINTS, JOINT_NAMES};
+use edgecap_client::joints::{EVIDENCE_JOINTS, HEAD_TOP, JOINT_NAMES, NECK};
 use serde::Deserialize;
 
-use super::{AREA_OF_BOX, TruthFrame, TruthPerson, TruthSet};
-use crate::lab::eval::{EvalError, Keypoint};
+use super::{AREA_OF_BOX, TruthFrame, TruthPerson, TruthSet, head_of_rectangle};
+use crate::lab::eval::{EvalError, HeadSize, Keypoint};
 
 #[derive(Deserialize)]
 pub(super) struct File {
@@ -42,14 +42,23 @@ struct Annotation {
     area: Option<f64>,
     #[serde(default)]
     iscrowd: u8,
+    /// x, y, x, y of the head's rectangle, where the set is MPII's.
+    #[serde(alias = "head_rect")]
+    headbox: Option<[f64; 4]>,
 }
 
 /// What COCO names beside joints.
 const FACE: [&str; 5] = ["nose", "left_eye", "right_eye", "left_ear", "right_ear"];
 
-/// The evidence joint that a name means, if it means one.
-fn meaning(name: &str) -> Option<usize> {
+/// The name that only MPII has.
+const UPPER_NECK: &str = "upper_neck";
+
+/// The evidence joint that a name means, if it means one. What converters of MPII call neck beside an upper neck is the
+/// thorax.
+fn meaning(name: &str, is_mpii: bool) -> Option<usize> {
     let ours = match name {
+        "neck" if is_mpii => return None,
+        UPPER_NECK => "neck".into(),
         "head" | "top_head" => "head_top".into(),
         _ => name.replace("left_", "l_").replace("right_", "r_"),
     };
@@ -63,8 +72,14 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
     let shown: BTreeSet<u64> = file.annotations.iter().map(|a| a.category_id).collect();
     let mut keypoints: BTreeMap<u64, Vec<Option<usize>>> = BTreeMap::new();
     let mut unknown = Vec::new();
+    let mut mpii = BTreeSet::new();
     for c in file.categories.iter().filter(|c| shown.contains(&c.id)) {
-        let joints: Vec<_> = c.keypoints.iter().map(|k| meaning(k)).collect();
+        let is_mpii = c.keypoints.iter().any(|k| k == UPPER_NECK);
+        if is_mpii {
+            mpii.insert(c.id);
+        }
+        let joints = c.keypoints.iter().map(|k| meaning(k, is_mpii));
+        let joints: Vec<_> = joints.collect();
         if joints.iter().any(Option::is_some) {
             let of_none = joints.iter().zip(&c.keypoints);
             let of_none =
@@ -113,7 +128,7 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
                 format!("{area}; write the file again"),
             ));
         }
-        let points = names
+        let points: Vec<Keypoint> = names
             .iter()
             .enumerate()
             .map(|(k, &joint)| {
@@ -127,17 +142,31 @@ pub(super) fn read(file: File, name: &str) -> Result<TruthSet, EvalError> {
                 }
             })
             .collect();
+        let labelled = |joint: usize| {
+            let mut of_joint = points.iter().filter(|k| k.joint == Some(joint));
+            let k = of_joint.find(|k| k.is_labelled())?;
+            Some([k.u, k.v])
+        };
+        let head = match a.headbox {
+            Some(rectangle) => Some(head_of_rectangle(rectangle, at())?),
+            None if mpii.contains(&a.category_id) => labelled(NECK)
+                .zip(labelled(HEAD_TOP))
+                .and_then(|(neck, top)| HeadSize::of_joints(neck, top)),
+            None => None,
+        };
         people.entry(a.image_id).or_default().push(TruthPerson {
             points,
             area,
             bbox: a.bbox,
             crowd: a.iscrowd != 0,
+            head,
             ..TruthPerson::default()
         });
     }
     let frame = |i: Image| TruthFrame {
         people: people.remove(&i.id).unwrap_or_default(),
         size: (i.width > 0.0 && i.height > 0.0).then_some([i.width, i.height]),
+        partial: !mpii.is_empty(),
         source: i.file_name,
         ..TruthFrame::default()
     };

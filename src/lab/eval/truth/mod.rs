@@ -14,7 +14,7 @@ use edgecap_client::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 
 pub use self::joint_order::JointOrder;
 pub use self::npz::Units;
-use super::{EvalError, Keypoint, bounding_box};
+use super::{EvalError, HeadSize, Keypoint, bounding_box};
 
 /// Area of a person over that of the box of its joints, where the format gives no area (COCO's mean; CrowdPose uses the
 /// same).
@@ -26,10 +26,11 @@ pub enum Format {
     /// Whichever of the others the file looks like.
     #[default]
     Auto,
-    /// COCO keypoints (`images`, `annotations`, `categories`); also CrowdPose and OCHuman. Keypoints of other names
-    /// count with `--joints all` alone.
+    /// COCO keypoints (`images`, `annotations`, `categories`); also CrowdPose, OCHuman and MPII. Keypoints of other
+    /// names count with `--joints all` alone.
     Coco,
-    /// A list of people with `image`, `joints` and `joints_vis` in MPII's 16 joints.
+    /// A list of people with `image`, `joints` and `joints_vis` in MPII's 16 joints; with `headbox`, the head's
+    /// rectangle (x, y, x, y), where it is known.
     Mpii,
     /// A list of pictures of one person each with `file`, `joints` and `split` in the 14 evidence joints (Leeds Sports
     /// Pose).
@@ -95,6 +96,8 @@ pub struct TruthPerson {
     pub joints3d: Option<[Option<[f64; 3]>; BODY_JOINTS]>,
     /// Height, metres.
     pub stature: Option<f64>,
+    /// Size of the head, for PCKh; known in MPII alone.
+    pub head: Option<HeadSize>,
 }
 
 impl TruthPerson {
@@ -316,6 +319,23 @@ fn spelled_out(path: &Path) -> io::Result<PathBuf> {
         }
     }
     Ok(out)
+}
+
+/// The size of a head by its rectangle in a file; `at` says whose it is.
+///
+/// # Errors
+/// When the rectangle has no extent.
+fn head_of_rectangle(
+    rectangle: [f64; 4],
+    at: impl std::fmt::Display,
+) -> Result<HeadSize, EvalError> {
+    HeadSize::of_rectangle(rectangle).ok_or_else(|| {
+        EvalError::format(
+            at,
+            "a headbox of x, y of the upper left corner and x, y of the lower right one",
+            format!("{rectangle:?}; write the file again, or leave it out"),
+        )
+    })
 }
 
 /// The format by the keys it has.

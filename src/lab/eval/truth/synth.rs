@@ -138,6 +138,7 @@ pub(super) fn read(file: File, name: &str, folder: Option<&Path>) -> Result<Trut
             points,
             joints3d: Some(p.joints3d.map(Some)),
             stature: Some(p.stature),
+            ..TruthPerson::default()
         }
     };
     let video = file.fps > 0.0;

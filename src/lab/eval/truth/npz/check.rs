@@ -1,7 +1,7 @@
 //! Whether the people read from an archive can be people: a wrong unit, joint order or axis gives figures that look
 //! like a bad network.
 
-use edgecap_client::joints::PELVIS;
+use edgecap_client::joints::{HIPS, KNEES, NECK, PELVIS};
 
 use crate::lab::eval::geometry::{minus, norm};
 use crate::lab::eval::{EvalError, TruthPerson, TruthSet};
@@ -14,10 +14,6 @@ const PELVIS_OFF: f64 = 0.2;
 const THIGHS: f64 = 0.3;
 /// Least cosine between the trunk in the picture and the trunk in 3D seen from the front.
 const TRUNK: f64 = 0.5;
-
-const NECK: usize = 1;
-const HIPS: [usize; 2] = [8, 11];
-const KNEES: [usize; 2] = [9, 12];
 
 /// Judges the middle person: single wrong labels are the set's own.
 pub(super) fn plausible(set: &TruthSet, name: &str) -> Result<(), EvalError> {
