@@ -4,8 +4,9 @@ use std::hint::black_box;
 use std::io::Cursor;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use edgecap::capture::camera::{PictureDecoder, PixelFormat, RawLayout};
-use edgecap::capture::{AviWriter, Frame, Matrix, Range, Resizer};
+use edgecap::capture::{
+    AviWriter, Frame, Matrix, PictureDecoder, PixelFormat, Range, RawLayout, Resizer,
+};
 
 const SIZE: (u32, u32) = (1280, 720);
 const INPUT: (u32, u32) = (512, 320);

@@ -6,12 +6,14 @@ use edgecap::detect::Detection;
 use edgecap::engine::{HEAD3D_CHANNELS, Model};
 use edgecap::joints::{EVIDENCE_JOINTS, LIMBS};
 use edgecap::lift::{Encodings, Lifter};
-use edgecap::message::Intrinsics;
+use edgecap::message::{Intrinsics, Observation};
 use edgecap_kernels::Isa;
 use std::hint::black_box;
 
+/// Somebody all of whose torso is in the picture.
 fn person(index: usize) -> Detection {
-    let at = |j: usize| [40.0 * index as f32 + 7.0 * j as f32, 20.0 * j as f32, 0.8];
+    let left = 20.0 * index as f32;
+    let at = |j: usize| [left + 7.0 * j as f32, 20.0 * j as f32, 0.8];
     Detection {
         joints: std::array::from_fn(at),
         confidence: [0.8; EVIDENCE_JOINTS],
@@ -47,6 +49,9 @@ fn lift(c: &mut Criterion) {
                 .lift_aligned(&people)
                 .is_ok_and(|mut p| p.all(finite))
         );
+        let seen = lifter.lift(&people, &frame, &letterbox, &camera);
+        let is_coloured = |o: &Observation| (o.hue.iter().sum::<f32>() - 1.0).abs() < 1e-3;
+        assert!(seen.is_ok_and(|seen| seen.iter().all(is_coloured)));
         group.bench_with_input(BenchmarkId::new("network", count), &people, |b, p| {
             b.iter(|| lifter.lift_aligned(black_box(p)).map(|p| p.len()));
         });

@@ -38,8 +38,10 @@ def compare(reference: np.ndarray, maps: np.ndarray, trained: bool) -> dict:
         "relative_max": float(np.abs(error).max() / np.abs(reference).max()),
         "peaks": len(moved) + lost,
     }
+    if result["peaks"]:
+        result["peaks_lost"] = lost
     if moved:
-        result |= {"peaks_lost": lost, "moved_mean_px": float(np.mean(moved)), "moved_p95_px": float(np.quantile(moved, 0.95))}
+        result |= {"moved_mean_px": float(np.mean(moved)), "moved_p95_px": float(np.quantile(moved, 0.95))}
     return result
 
 

@@ -41,8 +41,9 @@ def _agreement(r: dict) -> list[str]:
     lines = _head(["network", "engine", "arithmetic", "relative RMS error, 2D head", "3D head", "peaks moved, px, mean (95 %)", "peaks lost"])
     for n, a in rows:
         weights = "" if n["trained"] else " (random weights)"
-        peaks = [f"{a['moved_mean_px']:.2f} ({a['moved_p95_px']:.2f})", f"{a['peaks_lost']} of {a['peaks']}"] if "moved_mean_px" in a else ["–", "–"]
-        lines.append(_row([NETWORKS.get(n["network"], n["network"]) + weights, NAMES[a["engine"]], a["precision"], f"{a['relative_rms_2d']:.1e}", f"{a['relative_rms_3d']:.1e}", *peaks]))
+        moved = f"{a['moved_mean_px']:.2f} ({a['moved_p95_px']:.2f})" if "moved_mean_px" in a else "–"
+        lost = f"{a['peaks_lost']} of {a['peaks']}" if "peaks_lost" in a else "–"
+        lines.append(_row([NETWORKS.get(n["network"], n["network"]) + weights, NAMES[a["engine"]], a["precision"], f"{a['relative_rms_2d']:.1e}", f"{a['relative_rms_3d']:.1e}", moved, lost]))
     return lines
 
 

@@ -8,6 +8,8 @@ import sys
 import tempfile
 import unittest
 
+import numpy as np
+
 HERE = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(HERE))
 
@@ -24,6 +26,25 @@ class Agreement(unittest.TestCase):
         for off in (2e-3, float("inf"), float("nan")):
             self.assertTrue(agreement.strays(ours | {"relative_max": off}), off)
         self.assertFalse(agreement.strays({"engine": "ncnn", "precision": "f32", "relative_max": 1.0}))
+
+    def test_an_engine_that_loses_every_peak_is_told_so(self):
+        reference = np.zeros((1, 5, 5, agreement.CHANNELS), np.float32)
+        reference[0, 2, 2, 0] = 0.9
+        reference[..., agreement.HEAD2D :] = 0.1
+        found = agreement.compare(reference, np.zeros_like(reference), True)
+        self.assertEqual((found["peaks"], found["peaks_lost"]), (1, 1))
+        self.assertIn("| – | 1 of 1 |", self.row(found, True))
+        whole = agreement.compare(reference, reference, True)
+        self.assertIn("| 0.00 (0.00) | 0 of 1 |", self.row(whole, True))
+        random = agreement.compare(reference, reference, False)
+        self.assertIn("| – | – |", self.row(random, False))
+
+    def row(self, found: dict, trained: bool) -> str:
+        one = {"network": "selecsls", "trained": trained, "gmac": 8.0, "agreement": [found | {"engine": "ours", "precision": "int8"}], "speed": []}
+        facts = {"cpu": "a", "family": "1", "model": "2", "cores": 2, "isa": ["avx2"], "governor": None}
+        pictures = {"calibration": 1, "photographs": True, "agreement": 1}
+        results = {"networks": [one], "machine": facts, "size": [512, 320], "pictures": pictures, "made": "", "forced_isa": None}
+        return table.render(results | {"rounds": 1, "runs": 1})
 
 
 class Table(unittest.TestCase):

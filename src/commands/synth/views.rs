@@ -15,6 +15,7 @@ use crate::camera::calibration::write_pose2sim;
 use crate::capture::AviWriter;
 use crate::commands::empty::expect_empty;
 use crate::commands::exit::Failure;
+use crate::counted::counted;
 use crate::lab::synth::TruthFrame;
 use crate::lab::synth::detector::{Detector, Flaws};
 use crate::lab::synth::frames::FrameWriter;
@@ -53,7 +54,7 @@ pub(super) fn write(
         studio.prepare();
     }
     let bar = ProgressBar::new(args.frames * views as u64);
-    let (mut wanted, mut longest) = (args.frames, 0);
+    let (mut wanted, mut lengths) = (args.frames, Vec::new());
     let mut ended = Ok(());
     for number in 0..views {
         let view = Seen {
@@ -66,14 +67,35 @@ pub(super) fn write(
         };
         let room = expect_whole(view.write(wanted)?)?;
         wanted = room.taken();
-        longest = wanted.max(longest);
+        lengths.push(wanted);
         ended = ended.and(room.ended(&out.join(view.film()), &out.join(view.truth())));
     }
+    // Each is wanted as long as the one before.
+    let longest = lengths.first().copied().unwrap_or_default();
     let room = expect_whole(world(args, &studio, longest, folder.beside(), is_stopped)?)?;
     ended = ended.and(room.ended(out, &out.join(WORLD)));
+    ended = tell_lengths(ended, &lengths);
     bar.finish_and_clear();
     folder.finish().map_err(failed)?;
     ended
+}
+
+/// Adds to what is said of a view without room that the views differ in length, where they do.
+///
+/// # Errors
+/// Those of `ended`.
+fn tell_lengths(ended: anyhow::Result<()>, lengths: &[u64]) -> anyhow::Result<()> {
+    match (lengths.first(), lengths.last()) {
+        (Some(first), Some(last)) if first > last => ended.map_err(|e| {
+            e.context(format!(
+                "views differ in length, from {} of {} to {last} of {}: use the first {last} of each",
+                counted(*first, "frame", "frames"),
+                name(0),
+                name(lengths.len() - 1),
+            ))
+        }),
+        _ => ended,
+    }
 }
 
 /// Refuses a part that the user stopped.
@@ -238,4 +260,27 @@ fn mask(args: &SynthArgs, survey: &Survey, ids: &[u8], path: &Path) -> anyhow::R
     )?;
     file.flush().map_err(failed)?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::exit;
+
+    #[test]
+    fn views_that_differ_in_length_are_told() {
+        let full = || {
+            let full = io::Error::from(io::ErrorKind::FileTooLarge);
+            Err(anyhow::Error::from(full).context("cam02.avi: full after 7 frames"))
+        };
+        let said = |lengths: &[u64]| exit::told(&tell_lengths(full(), lengths).unwrap_err());
+        let told = said(&[9, 7, 7]);
+        assert!(
+            told.contains("from 9 frames of cam01 to 7 of cam03"),
+            "{told}"
+        );
+        assert!(told.contains("cam02.avi: full"), "{told}");
+        assert!(!said(&[7, 7]).contains("differ"), "both have as many");
+        tell_lengths(Ok(()), &[7, 7]).unwrap();
+    }
 }

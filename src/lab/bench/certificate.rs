@@ -129,7 +129,7 @@ pub struct PeopleSpeed {
     pub people: usize,
     /// Maps to people.
     pub association: Timing,
-    /// People to full 3D.
+    /// People to full 3D, with the colours of their torsos in a picture as a camera takes it.
     pub stage2: Timing,
 }
 

@@ -5,11 +5,18 @@ use glam::{DMat3, DVec3};
 
 use super::archive::JOINTS;
 use crate::body::mesh::PosedTree;
+use crate::joints::{
+    HEAD_TOP, L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_SHOULDER, L_WRIST, NECK, PELVIS, R_ANKLE, R_ELBOW,
+    R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
+};
 use crate::lab::eval::align_similarity;
 use crate::multiview::body_joints;
 
 /// The set's joints among edgecap's 21; the set's head is the head's top.
-const OWN: [usize; JOINTS] = [14, 1, 5, 6, 7, 2, 3, 4, 11, 12, 13, 8, 9, 10, 0];
+const OWN: [usize; JOINTS] = [
+    PELVIS, NECK, L_SHOULDER, L_ELBOW, L_WRIST, R_SHOULDER, R_ELBOW, R_WRIST, L_HIP, L_KNEE,
+    L_ANKLE, R_HIP, R_KNEE, R_ANKLE, HEAD_TOP,
+];
 /// The bone whose axes each sits in, a joint of SMPL's tree: pelvis, chest, head, upper arms, forearms, thighs, shanks.
 const BONE: [usize; JOINTS] = [0, 9, 9, 16, 18, 9, 17, 19, 0, 1, 4, 0, 2, 5, 15];
 /// Elbows, wrists, knees and ankles, which all definitions have in nearly one place.

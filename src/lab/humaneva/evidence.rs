@@ -7,7 +7,10 @@
 use glam::DVec2;
 
 use super::archive::{COCO_JOINTS, JOINTS};
-use crate::joints::{EVIDENCE_JOINTS, NECK};
+use crate::joints::{
+    EVIDENCE_JOINTS, HEAD_TOP, L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_SHOULDER, L_WRIST, NECK, R_ANKLE,
+    R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
+};
 use crate::message::Observation;
 
 /// Neck from the middle of the shoulders towards the head's top.
@@ -23,33 +26,33 @@ const SURE: f32 = 0.98;
 
 /// Evidence joints, right before left, from shoulders to ankles: which of the set's they are.
 const OF_SET: [(usize, usize); 12] = [
-    (2, 5),
-    (3, 6),
-    (4, 7),
-    (5, 2),
-    (6, 3),
-    (7, 4),
-    (8, 11),
-    (9, 12),
-    (10, 13),
-    (11, 8),
-    (12, 9),
-    (13, 10),
+    (R_SHOULDER, 5),
+    (R_ELBOW, 6),
+    (R_WRIST, 7),
+    (L_SHOULDER, 2),
+    (L_ELBOW, 3),
+    (L_WRIST, 4),
+    (R_HIP, 11),
+    (R_KNEE, 12),
+    (R_ANKLE, 13),
+    (L_HIP, 8),
+    (L_KNEE, 9),
+    (L_ANKLE, 10),
 ];
 /// The same of COCO's.
 const OF_COCO: [(usize, usize); 12] = [
-    (2, 6),
-    (3, 8),
-    (4, 10),
-    (5, 5),
-    (6, 7),
-    (7, 9),
-    (8, 12),
-    (9, 14),
-    (10, 16),
-    (11, 11),
-    (12, 13),
-    (13, 15),
+    (R_SHOULDER, 6),
+    (R_ELBOW, 8),
+    (R_WRIST, 10),
+    (L_SHOULDER, 5),
+    (L_ELBOW, 7),
+    (L_WRIST, 9),
+    (R_HIP, 12),
+    (R_KNEE, 14),
+    (R_ANKLE, 16),
+    (L_HIP, 11),
+    (L_KNEE, 13),
+    (L_ANKLE, 15),
 ];
 
 /// The set's joints, exact: its head is the head's top, the neck is set anew, hips are drawn apart.
@@ -59,12 +62,12 @@ pub fn of_set(pixels: &[DVec2; JOINTS]) -> Observation {
         joints[own] = Some(pixels[theirs]);
     }
     let hips = pixels[8].midpoint(pixels[11]);
-    for (own, theirs) in [(8, 11), (11, 8)] {
+    for (own, theirs) in [(R_HIP, 11), (L_HIP, 8)] {
         joints[own] = Some(hips + HIPS * (pixels[theirs] - hips));
     }
     let shoulders = pixels[2].midpoint(pixels[5]);
     joints[NECK] = Some(shoulders + NECK_TO_HEAD * (pixels[14] - shoulders));
-    joints[0] = Some(pixels[14]);
+    joints[HEAD_TOP] = Some(pixels[14]);
     told(joints)
 }
 

@@ -6,7 +6,10 @@ use glam::{DQuat, Quat, Vec3};
 use super::shell::{Shell, apart};
 use crate::body::BodyModel;
 use crate::body::mesh::{JOINTS, MeshBody, MeshPose, PosedTree, Skin};
-use crate::joints::BODY_JOINTS;
+use crate::joints::{
+    BODY_JOINTS, L_ANKLE, L_ELBOW, L_FOOT_TIP, L_HAND, L_KNEE, L_WRIST, R_ANKLE, R_ELBOW,
+    R_FOOT_TIP, R_HAND, R_KNEE, R_WRIST,
+};
 use crate::lab::synth::outfit::{Hair, Outfit};
 use crate::lab::synth::pose::Posed;
 use crate::lab::synth::scene::Person;
@@ -17,18 +20,18 @@ use crate::multiview::body_joints;
 const SKIN: f32 = 0.0125;
 /// Bones of arms, hands, legs and feet, and the joint that each points to. Trunk and head stand alike in both.
 const LIMBS: [(usize, usize); 12] = [
-    (4, 3),
-    (5, 4),
-    (6, 17),
-    (8, 6),
-    (9, 7),
-    (10, 18),
-    (11, 9),
-    (12, 10),
-    (13, 19),
-    (14, 12),
-    (15, 13),
-    (16, 20),
+    (4, R_ELBOW),
+    (5, R_WRIST),
+    (6, R_HAND),
+    (8, L_ELBOW),
+    (9, L_WRIST),
+    (10, L_HAND),
+    (11, R_KNEE),
+    (12, R_ANKLE),
+    (13, R_FOOT_TIP),
+    (14, L_KNEE),
+    (15, L_ANKLE),
+    (16, L_FOOT_TIP),
 ];
 
 /// A person without clothes and hair, shoes apart.

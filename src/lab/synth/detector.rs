@@ -8,16 +8,23 @@ use glam::{Vec2, Vec3};
 use super::noise::Dice;
 use super::truth::{SELF_OCCLUDED, TruthFrame, TruthPerson, VISIBLE};
 use crate::joints::{
-    BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, MIRROR, MIRROR_BODY, NECK, PELVIS,
+    BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, MIRROR, MIRROR_BODY, NECK, PELVIS, R_ANKLE,
+    R_ELBOW, R_FOOT_TIP, R_HAND, R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
 };
 use crate::message::{FLAG_FILE_TIME, Intrinsics, MAX_PEOPLE, Observation, ObservationFrame};
 
 /// Fewest joints by which somebody is found.
 const LEAST_JOINTS: usize = 4;
 /// Right joints of arms and legs: evidence, then body joints as well.
-pub const ARMS: [&[usize]; 2] = [&[2, 3, 4], &[2, 3, 4, 17]];
+pub const ARMS: [&[usize]; 2] = [
+    &[R_SHOULDER, R_ELBOW, R_WRIST],
+    &[R_SHOULDER, R_ELBOW, R_WRIST, R_HAND],
+];
 /// Legs likewise.
-pub const LEGS: [&[usize]; 2] = [&[8, 9, 10], &[8, 9, 10, 19]];
+pub const LEGS: [&[usize]; 2] = [
+    &[R_HIP, R_KNEE, R_ANKLE],
+    &[R_HIP, R_KNEE, R_ANKLE, R_FOOT_TIP],
+];
 
 /// What a detector gets wrong. Lengths are metres at the person's distance and canonical stature, rates probabilities a
 /// frame.

@@ -7,6 +7,7 @@ use super::gait;
 use super::noise::{Dice, smoothstep};
 use super::pose::{Pose, Posed};
 use super::scene::{Person, Stance};
+use crate::joints::{L_ANKLE, R_ANKLE};
 
 /// One step of a script.
 #[derive(Debug, Clone, Copy)]
@@ -243,7 +244,7 @@ impl State {
 /// Mean of the ankles relative to the pelvis, floor plane, heading 0.
 fn ankles(person: &Person, pose: &Pose) -> Vec3 {
     let b = Posed::new(&person.shape, pose, Vec3::ZERO, 0.0);
-    let m = (b.joints[10] + b.joints[13]) * 0.5;
+    let m = (b.joints[R_ANKLE] + b.joints[L_ANKLE]) * 0.5;
     Vec3::new(m.x, 0.0, m.z)
 }
 

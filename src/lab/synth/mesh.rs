@@ -5,7 +5,9 @@ use glam::{IVec3, Quat, Vec3};
 use super::flesh::Flesh;
 use super::outfit::{Matter, Outfit, Spot};
 use super::pose::Posed;
-use super::shape::{BONE_PARENT, BONES, Bone, Shape};
+use super::shape::{BONES, Bone, Shape};
+use super::weights::weights;
+use crate::joints::{L_HIP, NECK};
 
 /// Cells along one side of a block that is evaluated or skipped as a whole.
 const BLOCK: i32 = 4;
@@ -40,9 +42,8 @@ impl Mesh {
     /// Polygonises a solid with cells of `step` metres.
     pub fn new(shape: &Shape, outfit: &Outfit, step: f32) -> Self {
         let flesh = Flesh::new(shape, outfit);
-        let reach = shape.joints[18].x + 0.12 * shape.unit();
-        let lo = Vec3::new(-reach, -2.0 * step, -0.26);
-        let hi = Vec3::new(reach, shape.stature + 0.12, 0.26);
+        let (lo, hi) = flesh.bounds();
+        let (lo, hi) = (lo - 2.0 * step, hi + 2.0 * step);
         let size = ((hi - lo) / (step * BLOCK as f32)).ceil().as_ivec3();
         let cells = size * BLOCK;
         let corners = cells + IVec3::ONE;
@@ -235,66 +236,10 @@ fn vertex(flesh: &Flesh, shape: &Shape, p: Vec3, near: &[u16], step: f32) -> Ver
     }
 }
 
-/// Weights of the bones next to the nearest one: a soft change at every joint, nothing from limbs that only pass by.
-fn weights(
-    shape: &Shape,
-    p: Vec3,
-    nearest: &super::flesh::Part,
-    gap: [f32; BONES],
-) -> [(u8, f32); 4] {
-    let u = shape.unit();
-    let own = nearest.bone as usize;
-    // Trunk and skirt hang on heights, not on distances: their parts overlap everywhere.
-    let trunk = matches!(nearest.bone, Bone::Pelvis | Bone::Chest);
-    let soft = 0.022 * u;
-    let mut w = [0.0f32; BONES];
-    for b in 0..BONES {
-        let next = b == own || BONE_PARENT[b] == own || BONE_PARENT[own] == b;
-        if next && gap[b] < f32::MAX {
-            w[b] = (-(gap[b] - gap[own]).max(0.0) / soft).exp();
-        }
-    }
-    if trunk {
-        let y = shape.at(0.0, 0.0, 0.0).y;
-        let (low, high) = (
-            shape.at(0.0, 0.575, 0.0).y - y,
-            shape.at(0.0, 0.735, 0.0).y - y,
-        );
-        let t = super::noise::smoothstep(low, high, p.y);
-        let sum = w[0] + w[1];
-        let sum = if sum > 0.0 { sum } else { 1.0 };
-        w[0] = sum * (1.0 - t);
-        w[1] = sum * t;
-        // the thighs carry what lies below the hips
-        let drop = ((shape.joints[8].y + 0.01 * u - p.y) / (0.06 * u)).clamp(0.0, 1.0);
-        if drop > 0.0 {
-            let left = super::noise::smoothstep(-0.05 * u, 0.05 * u, p.x);
-            let free = if nearest.matter == Matter::Bottom && p.y < shape.joints[8].y - 0.04 * u {
-                1.0
-            } else {
-                0.6
-            };
-            for (b, side) in [(Bone::LThigh, left), (Bone::RThigh, 1.0 - left)] {
-                w[b as usize] = w[b as usize].max(0.0) * 0.3 + drop * free * side;
-            }
-            w[0] *= 1.0 - 0.9 * drop * free;
-        }
-    }
-    let mut order: Vec<usize> = (0..BONES).filter(|&b| w[b] > 0.0).collect();
-    order.sort_by(|&a, &b| w[b].total_cmp(&w[a]));
-    order.truncate(4);
-    let total: f32 = order.iter().map(|&b| w[b]).sum();
-    let mut out = [(0u8, 0.0f32); 4];
-    for (slot, b) in out.iter_mut().zip(order) {
-        *slot = (b as u8, w[b] / total);
-    }
-    out
-}
-
 /// Describes a rest-pose point on a bone for [`Outfit::colour`].
 pub fn spot(shape: &Shape, p: Vec3, bone: Bone) -> Spot {
     let u = shape.unit();
-    let (hip, neck) = (shape.joints[11].y, shape.joints[1].y);
+    let (hip, neck) = (shape.joints[L_HIP].y, shape.joints[NECK].y);
     let y = if p.y < hip {
         p.y * 0.518 / hip
     } else if p.y < neck {
@@ -349,27 +294,42 @@ mod tests {
 
     use super::*;
     use crate::lab::synth::noise::Dice;
+    use crate::lab::synth::outfit::Hair;
+
+    /// From the finest cells of stills, which those of clips are, to the coarsest.
+    const STEPS: [f32; 3] = [0.0125, 0.0175, 0.026];
+
+    fn dressed(seed: u64) -> (Shape, Outfit) {
+        let mut dice = Dice::new(seed, 0);
+        let shape = Shape::random(&mut dice);
+        let outfit = Outfit::random(shape.feminine, &mut dice);
+        (shape, outfit)
+    }
+
+    fn expect_closed(mesh: &Mesh, who: &str) {
+        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+        for t in &mesh.triangles {
+            for k in 0..3 {
+                let (a, b) = (t[k], t[(k + 1) % 3]);
+                *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+            }
+        }
+        let open = edges.values().filter(|n| **n != 0).count();
+        assert_eq!(open, 0, "{who}: open edges of {}", edges.len());
+    }
 
     #[test]
     fn surfaces_are_closed_and_face_outwards() {
-        for seed in 0..3 {
-            let mut dice = Dice::new(seed, 0);
-            let shape = Shape::random(&mut dice);
-            let outfit = Outfit::random(shape.feminine, &mut dice);
-            let mesh = Mesh::new(&shape, &outfit, 0.02);
-            assert!(mesh.triangles.len() > 3_000);
-            let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
-            let mut volume = 0.0;
-            for t in &mesh.triangles {
-                for k in 0..3 {
-                    let (a, b) = (t[k], t[(k + 1) % 3]);
-                    *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
-                }
+        for seed in 0..40 {
+            let (shape, outfit) = dressed(seed);
+            let mesh = Mesh::new(&shape, &outfit, STEPS[seed as usize % STEPS.len()]);
+            assert!(mesh.triangles.len() > 2_000);
+            expect_closed(&mesh, &format!("seed {seed}"));
+            let volume = |t: &[u32; 3]| {
                 let [a, b, c] = t.map(|i| mesh.vertices[i as usize].rest);
-                volume += a.dot(b.cross(c)) / 6.0;
-            }
-            let open = edges.values().filter(|n| **n != 0).count();
-            assert_eq!(open, 0, "{open} open edges of {}", edges.len());
+                a.dot(b.cross(c)) / 6.0
+            };
+            let volume: f32 = mesh.triangles.iter().map(volume).sum();
             // litres of a dressed person of 1.45–2.0 m
             assert!((0.035..0.20).contains(&volume), "volume {volume} m³");
             for v in &mesh.vertices {
@@ -377,6 +337,51 @@ mod tests {
                 let sum: f32 = v.weights.iter().map(|w| w.1).sum();
                 assert!((sum - 1.0).abs() < 1e-4);
             }
+        }
+    }
+
+    #[test]
+    fn whatever_is_worn_leaves_no_hole() {
+        use Hair::*;
+        let styles = [
+            Bald, Short, Full, Afro, Bob, Long, Ponytail, Bun, Cap, Beanie,
+        ];
+        for (k, hair) in styles.into_iter().enumerate() {
+            let (shape, mut outfit) = dressed(k as u64);
+            outfit.hair = hair;
+            outfit.skirt = [None, Some(0.4), Some(1.0), Some(1.6)][k % 4];
+            for step in STEPS {
+                let who = format!("{hair:?} hair, skirt {:?}, step {step}", outfit.skirt);
+                expect_closed(&Mesh::new(&shape, &outfit, step), &who);
+            }
+        }
+    }
+
+    #[test]
+    fn rucksacks_are_whole_however_tall_their_wearer_is() {
+        for stature in [1.5, 1.6, 1.7, 1.85, 2.0] {
+            let shape = Shape::new(stature, 0.0, 0.5, 0.0, &mut Dice::new(1, 1));
+            let (_, mut outfit) = dressed(1);
+            outfit.bag = true;
+            for step in STEPS {
+                let mesh = Mesh::new(&shape, &outfit, step);
+                expect_closed(&mesh, &format!("a rucksack at {stature} m, step {step}"));
+                let back = mesh.vertices.iter().map(|v| v.rest.z);
+                let back = back.fold(0.0, f32::min) / shape.unit();
+                assert!((back + 0.163).abs() < 0.003, "it ends {back} statures back");
+            }
+        }
+    }
+
+    #[test]
+    fn the_skin_is_as_tall_as_the_person() {
+        for seed in 0..20 {
+            let (shape, mut outfit) = dressed(seed);
+            outfit.hair = Hair::Bald;
+            let mesh = Mesh::new(&shape, &outfit, 0.0175);
+            let top = mesh.vertices.iter().map(|v| v.rest.y).fold(0.0, f32::max);
+            let more = 1e3 * (top - shape.stature);
+            assert!(more.abs() < 3.0, "{more} mm more than {} m", shape.stature);
         }
     }
 }

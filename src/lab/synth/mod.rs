@@ -29,8 +29,11 @@ pub mod shape;
 pub mod shoot;
 pub mod stills;
 pub mod studio;
+pub mod support;
 pub mod survey;
 pub mod truth;
+pub mod underside;
+pub mod weights;
 pub mod world;
 
 pub use truth::{Truth, TruthCamera, TruthError, TruthFrame, TruthPerson};

@@ -3,7 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::shape::{BONE_PARENT, BONE_PIVOT, BONES, JOINT_BONE, REST_ARM, Shape};
-use crate::joints::{BODY_JOINTS, PELVIS};
+use crate::joints::{BODY_JOINTS, L_FOOT_TIP, PELVIS, R_FOOT_TIP};
 
 /// Angles of one arm, degrees; all 0: hanging, palm to the thigh.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -46,7 +46,7 @@ pub struct Pose {
     pub arms: [Arm; 2],
     /// Right, left.
     pub legs: [Leg; 2],
-    /// Feet off the floor, metres.
+    /// How far feet, or what else is lowest, are off the floor, metres.
     pub hop: f32,
     /// Seat: pelvis height above the floor in metres when positive; otherwise the feet stand on the floor.
     pub seat: f32,
@@ -207,7 +207,7 @@ impl Posed {
         }
         let sole = [13usize, 16].iter().flat_map(|&b| {
             let ankle = shape.pivot(b);
-            let toe = shape.joints[if b == 13 { 19 } else { 20 }];
+            let toe = shape.joints[if b == 13 { R_FOOT_TIP } else { L_FOOT_TIP }];
             let u = shape.unit();
             [
                 Vec3::new(ankle.x, 0.0, ankle.z - 0.030 * u),

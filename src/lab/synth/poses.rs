@@ -6,6 +6,10 @@ use super::gait;
 use super::noise::Dice;
 use super::pose::{Arm, Leg, Pose, Posed};
 use super::shape::Shape;
+use crate::joints::{
+    HEAD, HEAD_TOP, L_ANKLE, L_ELBOW, L_HAND, L_HIP, L_KNEE, L_WRIST, NECK, PELVIS, R_ANKLE,
+    R_ELBOW, R_HAND, R_HIP, R_KNEE, R_WRIST,
+};
 
 const HANG: Arm = Arm::new(2.0, 7.0, 0.0, 12.0);
 
@@ -155,24 +159,25 @@ fn collides(shape: &Shape, pose: &Pose) -> bool {
         p.distance(a + (c - a) * t) < r
     };
     let j = &b.joints;
-    for (elbow, wrist, hand) in [(3, 4, 17), (6, 7, 18)] {
+    for (elbow, wrist, hand) in [(R_ELBOW, R_WRIST, R_HAND), (L_ELBOW, L_WRIST, L_HAND)] {
         for p in [
             j[elbow].lerp(j[wrist], 0.4),
             j[elbow].lerp(j[wrist], 0.75),
             j[wrist],
             j[hand],
         ] {
-            if capsule(p, j[14], j[1] - Vec3::Y * 0.02, 0.098 * u)
-                || capsule(p, j[16], j[0], 0.07 * u)
-                || capsule(p, j[8], j[9], 0.06 * u)
-                || capsule(p, j[11], j[12], 0.06 * u)
+            if capsule(p, j[PELVIS], j[NECK] - Vec3::Y * 0.02, 0.098 * u)
+                || capsule(p, j[HEAD], j[HEAD_TOP], 0.07 * u)
+                || capsule(p, j[R_HIP], j[R_KNEE], 0.06 * u)
+                || capsule(p, j[L_HIP], j[L_KNEE], 0.06 * u)
             {
                 return true;
             }
         }
     }
-    let side = (j[4] - j[7]).length() < 0.05 * u;
-    side || (j[9] - j[12]).length() < 0.05 * u || (j[10] - j[13]).length() < 0.06 * u
+    let side = (j[R_WRIST] - j[L_WRIST]).length() < 0.05 * u;
+    side || (j[R_KNEE] - j[L_KNEE]).length() < 0.05 * u
+        || (j[R_ANKLE] - j[L_ANKLE]).length() < 0.06 * u
 }
 
 /// A random pose of somebody with this build.

@@ -9,6 +9,7 @@ use super::raster::{Buffer, NOBODY, TRIANGLE_BITS};
 use super::scene::{Scene, Stance};
 pub use super::survey::SUPERSAMPLE;
 use super::survey::{Skins, Survey, survey};
+use crate::joints::{L_ANKLE, L_FOOT_TIP, PELVIS, R_ANKLE, R_FOOT_TIP};
 
 /// The place as every sample sees it, without people: computed once for a camera that does not move.
 #[derive(Debug, Clone)]
@@ -165,9 +166,9 @@ pub fn render(scene: &Scene, backdrop: &Backdrop, stances: &[Stance]) -> Picture
     let shadows = ShadowMap::new(scene.light.to_key, &surfaces, &triangles);
     let feet: Vec<Vec3> = posed
         .iter()
-        .flat_map(|p| [10, 13, 19, 20].map(|j| p.joints[j]))
+        .flat_map(|p| [R_ANKLE, L_ANKLE, R_FOOT_TIP, L_FOOT_TIP].map(|j| p.joints[j]))
         .collect();
-    let hips: Vec<Vec3> = posed.iter().map(|p| p.joints[14]).collect();
+    let hips: Vec<Vec3> = posed.iter().map(|p| p.joints[PELVIS]).collect();
     let mut light = Vec::with_capacity(w * h);
     let share = 1.0 / (SUPERSAMPLE * SUPERSAMPLE) as f32;
     for y in 0..h {

@@ -6,7 +6,10 @@
 use glam::Vec3;
 
 use super::noise::Dice;
-use crate::joints::BODY_JOINTS;
+use crate::joints::{
+    BODY_JOINTS, HEAD_TOP, L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_SHOULDER, L_WRIST, NECK, PELVIS,
+    R_ANKLE, R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST, SPINE,
+};
 
 /// Bones that move rigidly; values index every per-bone array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,7 +41,10 @@ pub const BONES: usize = 17;
 /// Parent of every bone (parents come first); the pelvis is its own.
 pub const BONE_PARENT: [usize; BONES] = [0, 0, 1, 1, 3, 4, 5, 1, 7, 8, 9, 0, 11, 12, 0, 14, 15];
 /// Body joint about which a bone turns.
-pub const BONE_PIVOT: [usize; BONES] = [14, 15, 1, 1, 2, 3, 4, 1, 5, 6, 7, 8, 9, 10, 11, 12, 13];
+pub const BONE_PIVOT: [usize; BONES] = [
+    PELVIS, SPINE, NECK, NECK, R_SHOULDER, R_ELBOW, R_WRIST, NECK, L_SHOULDER, L_ELBOW, L_WRIST,
+    R_HIP, R_KNEE, R_ANKLE, L_HIP, L_KNEE, L_ANKLE,
+];
 /// Bone that carries each body joint.
 pub const JOINT_BONE: [usize; BODY_JOINTS] = [
     2, 1, 3, 4, 5, 7, 8, 9, 0, 11, 12, 0, 14, 15, 0, 0, 2, 6, 10, 13, 16,
@@ -141,7 +147,7 @@ impl Shape {
     /// joints between which they lie.
     pub fn at(&self, x: f32, y: f32, z: f32) -> Vec3 {
         let s = self.unit();
-        let (hip, neck) = (self.joints[11].y / s, self.joints[1].y / s);
+        let (hip, neck) = (self.joints[L_HIP].y / s, self.joints[NECK].y / s);
         let y = if y < 0.518 {
             y * hip / 0.518
         } else if y < 0.845 {
@@ -154,6 +160,6 @@ impl Shape {
 
     /// Metres per unit of the proportion tables.
     pub fn unit(&self) -> f32 {
-        (self.joints[0].y - self.joints[1].y) / 0.149
+        (self.joints[HEAD_TOP].y - self.joints[NECK].y) / 0.149
     }
 }

@@ -4,12 +4,21 @@ use glam::Vec3;
 
 use super::camera::Camera;
 use super::noise::Dice;
-use super::place::{Form, Place};
+use super::place::{Finish, Form, Place, Thing};
+use super::pose::Posed;
 use super::poses;
 use super::scene::{Light, Person, Scene, Sensor, Stance};
+use super::support;
+use super::underside::lowest;
+use crate::joints::PELVIS;
 
 /// Share of people who lie or sit on the floor.
 const ON_THE_FLOOR: f32 = 0.08;
+
+/// Whose pelvis is lower than this lies or sits on the floor with more than joints and soles, metres.
+const LOW: f32 = 0.35;
+/// How far others keep from what somebody sits or stands on, metres.
+const ROOM_FOR_OTHERS: f32 = 0.15;
 
 /// A set of independent scenes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,15 +125,13 @@ pub fn still(set: &Stills, index: u64) -> (Scene, Vec<Stance>) {
             }
         }
         let Some(mut spot) = found else { continue };
-        spots.push(spot);
         let px = focal * 1.7 / -spot.z;
         // A cell of the surface should be no larger than two pixels or so.
         let step = (2.6 / px).clamp(0.0125, 0.026);
-        let person = Person::random(k as u32 + 1, dice, step);
+        let person = Person::random(scene.people.len() as u32 + 1, dice, step);
         let mut pose = poses::random(&person.shape, dice);
-        if pose.seat > 0.0 && dice.chance(0.75) {
-            seat(&mut scene.place, dice, spot, pose.seat);
-        }
+        let is_seat_seen = pose.seat > 0.0 && dice.chance(0.75);
+        let seat = is_seat_seen.then(|| (finish(dice, spot), dice.range(0.2, 0.6)));
         let mut heading = match dice.below(10) {
             0..=5 => 45.0 * dice.normal(),
             6 => 180.0 + 40.0 * dice.normal(),
@@ -134,9 +141,37 @@ pub fn still(set: &Stills, index: u64) -> (Scene, Vec<Stance>) {
             pose = poses::on_the_floor(&person.shape, floor);
             heading = floor.range(-180.0, 180.0);
         }
-        if dice.chance(0.02) {
-            spot.y = dice.range(0.0, 0.6); // on a step
+        let posed = Posed::new(&person.shape, &pose, Vec3::ZERO, heading);
+        let is_low = posed.joints[PELVIS].y < LOW || posed.joints.iter().any(|p| p.y < 0.0);
+        if pose.seat <= 0.0 && is_low {
+            pose.hop -= lowest(&person.shape, &person.outfit, &posed);
         }
+        let mut put = |form: Form, finish: Finish| {
+            let is_free = spots.iter().all(|s| is_beside(&form, *s, ROOM_FOR_OTHERS));
+            if is_free {
+                scene.place.things.push(Thing {
+                    form,
+                    finish,
+                    solid: true,
+                });
+            }
+            is_free
+        };
+        if dice.chance(0.02) {
+            let high = dice.range(0.0, 0.6);
+            let raised = spot.with_y(high);
+            let posed = Posed::new(&person.shape, &pose, raised, heading);
+            let step = support::step(&posed, raised, heading);
+            if put(step, finish(floor, spot)) {
+                spot = raised;
+            }
+        }
+        if let Some((finish, wide)) = seat {
+            let posed = Posed::new(&person.shape, &pose, spot, heading);
+            let seat = support::seat(&person.shape, &posed, spot, heading, wide);
+            put(seat, finish);
+        }
+        spots.push(spot.with_y(0.0));
         scene.people.push(person);
         stances.push(Stance {
             person: scene.people.len() - 1,
@@ -176,40 +211,153 @@ pub fn still(set: &Stills, index: u64) -> (Scene, Vec<Stance>) {
 
 /// Whether nothing solid stands where a person should.
 fn clear(place: &Place, at: Vec3) -> bool {
-    place
-        .things
-        .iter()
-        .filter(|t| t.solid)
-        .all(|t| match t.form {
-            Form::Block { centre, half, turn } => {
-                let (s, c) = turn.sin_cos();
-                let q = at - centre;
-                let (x, z) = (q.x * c - q.z * s, q.z * c + q.x * s);
-                x.abs() > half.x + 0.28 || z.abs() > half.z + 0.28 || centre.y - half.y > 2.1
-            }
-            Form::Post { foot, radius, .. } => (at - foot).length() > radius + 0.28,
-            Form::Ball { centre, radii } => {
-                let q = Vec3::new(at.x - centre.x, 0.0, at.z - centre.z);
-                q.length() > radii.max_element() + 0.25 || centre.y - radii.y > 2.0
-            }
-        })
+    let mut solid = place.things.iter().filter(|t| t.solid);
+    solid.all(|t| is_beside(&t.form, at, 0.28))
 }
 
-/// Puts a stool, box or bench under a seated person.
-fn seat(place: &mut Place, dice: &mut Dice, at: Vec3, pelvis: f32) {
-    let top = pelvis - 0.105;
-    let before = place.things.len();
-    Place::furnish(&mut place.things, dice, at);
-    let finish = place.things[before].finish;
-    place.things.truncate(before);
-    let wide = dice.range(0.2, 0.6);
-    place.things.push(super::place::Thing {
-        form: Form::Block {
-            centre: Vec3::new(at.x, 0.5 * top, at.z),
-            half: Vec3::new(wide, 0.5 * top, 0.19),
-            turn: 0.0,
-        },
-        finish,
-        solid: true,
-    });
+/// Whether somebody who stands at `at` stays so many metres beside a form, or below it.
+fn is_beside(form: &Form, at: Vec3, gap: f32) -> bool {
+    match *form {
+        Form::Block { centre, half, turn } => {
+            let (s, c) = turn.sin_cos();
+            let q = at - centre;
+            let (x, z) = (q.x * c - q.z * s, q.z * c + q.x * s);
+            x.abs() > half.x + gap || z.abs() > half.z + gap || centre.y - half.y > 2.1
+        }
+        Form::Post { foot, radius, .. } => (at - foot).length() > radius + gap,
+        Form::Ball { centre, radii } => {
+            let q = Vec3::new(at.x - centre.x, 0.0, at.z - centre.z);
+            q.length() > radii.max_element() + gap - 0.03 || centre.y - radii.y > 2.0
+        }
+    }
+}
+
+/// What a piece of furniture is made of.
+fn finish(dice: &mut Dice, at: Vec3) -> Finish {
+    let mut drawn = Vec::new();
+    Place::furnish(&mut drawn, dice, at);
+    drawn[0].finish
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::joints::{ANKLES, KNEES};
+    use crate::lab::synth::mesh::Mesh;
+
+    const SET: Stills = Stills {
+        seed: 3,
+        size: (512, 320),
+        people: 8,
+        overhead: 0.0,
+    };
+
+    /// Blocks as somebody who looks along `heading` sits or stands on: their centre and half sizes.
+    fn blocks(scene: &Scene, heading: f32) -> Vec<(Vec3, Vec3)> {
+        let own = |thing: &Thing| match thing.form {
+            Form::Block { centre, half, turn } if turn == heading.to_radians() => {
+                Some((centre, half))
+            }
+            _ => None,
+        };
+        scene.place.things.iter().filter_map(own).collect()
+    }
+
+    /// Whether a point is inside a block, as seen by whoever looks along `heading`.
+    fn is_inside((centre, half): (Vec3, Vec3), heading: f32, p: Vec3) -> bool {
+        let turn = glam::Quat::from_rotation_y(-heading.to_radians());
+        (turn * (p - centre)).abs().cmple(half).all()
+    }
+
+    #[test]
+    fn identities_count_the_people_who_found_room() {
+        // Near cameras leave the least room.
+        let near = Stills {
+            overhead: 1.0,
+            ..SET
+        };
+        for k in 0..2_000 {
+            let (scene, stances) = still(&near, k);
+            let ids = scene.people.iter().map(|p| p.id);
+            assert!(ids.eq(1..=stances.len() as u32), "still {k}");
+        }
+    }
+
+    #[test]
+    fn seats_are_under_those_who_sit_and_not_in_their_legs() {
+        let (mut seated, mut on_seats) = (0, 0);
+        for k in 0..2_000 {
+            let (scene, stances) = still(&SET, k);
+            for stance in stances.iter().filter(|s| s.pose.seat > 0.0) {
+                seated += 1;
+                let person = &scene.people[stance.person];
+                let posed = person.posed(stance);
+                let pelvis = posed.joints[PELVIS];
+                let u = person.shape.unit();
+                for block in blocks(&scene, stance.heading) {
+                    let top = block.0.y + block.1.y;
+                    if top == stance.place.y {
+                        continue;
+                    }
+                    on_seats += 1;
+                    let below = (pelvis.y - top) / u;
+                    assert!((0.06..0.10).contains(&below), "{below} statures below");
+                    for j in [KNEES, ANKLES].into_iter().flatten() {
+                        let is_in = is_inside(block, stance.heading, posed.joints[j]);
+                        assert!(!is_in, "still {k}: joint {j} is in the seat");
+                    }
+                    for other in stances.iter().filter(|s| s.person < stance.person) {
+                        let at = other.place.with_y(block.0.y);
+                        assert!(!is_inside(block, stance.heading, at), "still {k}");
+                    }
+                }
+            }
+        }
+        assert!(
+            3 * on_seats > seated && seated > 200,
+            "{on_seats} of {seated}"
+        );
+    }
+
+    #[test]
+    fn whoever_is_raised_is_on_something() {
+        let mut raised = 0;
+        for k in 0..2_000 {
+            let (scene, stances) = still(&SET, k);
+            for stance in stances.iter().filter(|s| s.place.y > 0.0) {
+                raised += 1;
+                let below = stance.place - Vec3::Y * 1e-3;
+                let is_under = |b: (Vec3, Vec3)| {
+                    (b.0.y + b.1.y - stance.place.y).abs() < 1e-5
+                        && is_inside(b, stance.heading, below)
+                };
+                let found = blocks(&scene, stance.heading).into_iter().any(is_under);
+                assert!(found, "still {k}: {} m on nothing", stance.place.y);
+            }
+        }
+        assert!(raised > 30, "{raised} are raised");
+    }
+
+    #[test]
+    fn skin_of_those_on_the_floor_touches_it() {
+        let mut on_the_floor = 0;
+        for k in 0..400 {
+            let (scene, stances) = still(&SET, k);
+            for stance in &stances {
+                let person = &scene.people[stance.person];
+                let posed = person.posed(stance);
+                let pelvis = posed.joints[PELVIS].y - stance.place.y;
+                if stance.pose.seat > 0.0 || pelvis > LOW {
+                    continue;
+                }
+                on_the_floor += 1;
+                let mesh = Mesh::new(&person.shape, &person.outfit, 0.025);
+                let (skin, _) = mesh.pose(&posed, &person.pivots);
+                let low = skin.iter().map(|p| p.y - stance.place.y);
+                let low = low.fold(f32::MAX, f32::min);
+                assert!((-0.02..0.03).contains(&low), "still {k}: {low} m high");
+            }
+        }
+        assert!(on_the_floor > 30, "{on_the_floor} on the floor");
+    }
 }

@@ -3,6 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::Sculptor;
+use crate::joints::{ELBOWS, HANDS, SHOULDERS, WRISTS};
 use crate::lab::synth::outfit::Matter;
 use crate::lab::synth::shape::{Bone, REST_ARM};
 
@@ -12,8 +13,8 @@ impl Sculptor<'_> {
         let (u, limb, outfit) = (self.u, self.limb, self.outfit);
         let s = if side == 0 { -1.0 } else { 1.0 };
         let j = &self.shape.joints;
-        let [sho, elb, wri] = [0, 1, 2].map(|k| j[2 + 3 * side + k]);
-        let hand = j[17 + side];
+        let [sho, elb, wri] = [SHOULDERS, ELBOWS, WRISTS].map(|pair| j[pair[side]]);
+        let hand = j[HANDS[side]];
         let [clavicle, upper_arm, forearm, palm] = if side == 0 {
             [
                 Bone::RClavicle,

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::Sculptor;
+use crate::joints::{ANKLES, FOOT_TIPS, HIPS, KNEES};
 use crate::lab::synth::outfit::Matter;
 use crate::lab::synth::shape::Bone;
 
@@ -12,8 +13,8 @@ impl Sculptor<'_> {
         let (u, limb, outfit) = (self.u, self.limb, self.outfit);
         let s = if side == 0 { -1.0 } else { 1.0 };
         let j = &self.shape.joints;
-        let [hip, kne, ank] = [0, 1, 2].map(|k| j[8 + 3 * side + k]);
-        let toe = j[19 + side];
+        let [hip, kne, ank] = [HIPS, KNEES, ANKLES].map(|pair| j[pair[side]]);
+        let toe = j[FOOT_TIPS[side]];
         let [thigh_bone, shin, foot] = if side == 0 {
             [Bone::RThigh, Bone::RShin, Bone::RFoot]
         } else {

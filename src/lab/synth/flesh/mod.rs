@@ -50,6 +50,11 @@ impl Part {
     pub fn distance(&self, p: Vec3) -> f32 {
         self.solid.distance(p)
     }
+
+    /// Points all over its surface in the rest pose.
+    pub fn points(&self) -> Vec<Vec3> {
+        self.solid.points()
+    }
 }
 
 /// An ellipsoid on the head, in units of stature: centre x, y, z; half axes; angle about x (radians); softness.
@@ -144,6 +149,16 @@ impl Flesh {
         body.head();
         body.bag();
         Self { parts: body.parts }
+    }
+
+    /// Least and greatest corner of a box around the surface, which is softer than its parts and so a little larger.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        let start = (Vec3::MAX, Vec3::MIN);
+        self.parts.iter().fold(start, |(lo, hi), part| {
+            let (least, greatest) = part.solid.extent();
+            let margin = Vec3::splat(part.soft);
+            (lo.min(least - margin), hi.max(greatest + margin))
+        })
     }
 
     /// Parts that can matter within `radius` of `p`.

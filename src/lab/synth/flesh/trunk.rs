@@ -3,6 +3,7 @@
 use glam::{Quat, Vec3};
 
 use super::Sculptor;
+use crate::joints::L_SHOULDER;
 use crate::lab::synth::outfit::Matter;
 use crate::lab::synth::shape::Bone;
 
@@ -61,7 +62,7 @@ impl Sculptor<'_> {
 
     /// Half the width between the shoulders, in units of stature.
     fn shoulder(&self) -> f32 {
-        self.shape.joints[5].x / self.u
+        self.shape.joints[L_SHOULDER].x / self.u
     }
 
     /// The naked trunk in units of stature: height, half width, half depth, centre z.
