@@ -8,6 +8,7 @@
 
 pub mod boards;
 mod bundle;
+mod consensus;
 mod pose;
 mod relative;
 mod resect;

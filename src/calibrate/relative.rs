@@ -6,14 +6,17 @@ use nalgebra::{Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 use rand::Rng;
 use rand::rngs::SmallRng;
 
+use super::consensus::{Search, distinct};
 use super::pose::Pose;
 
-const SAMPLES: usize = 800;
+const SEARCH: Search = Search {
+    samples: 800,
+    finalists: 40,
+    refinements: REFINEMENTS,
+};
 const SAMPLE: usize = 8;
 /// Groups that a sample is taken of.
 const GROUPS: usize = 3;
-/// Guesses that are refined.
-const FINALISTS: usize = 40;
 /// Answers that are kept, and how far they are from each other, radians.
 const MOST_ANSWERS: usize = 3;
 const DIFFERENT: f64 = 0.3;
@@ -50,38 +53,21 @@ pub fn relative(groups: &[Vec<Pair>], sigma: f64, random: &mut SmallRng) -> Vec<
             .map(|p| (sampson(e, p) / (sigma * sigma)).min(1.0));
         each.sum()
     };
-    let mut all: Vec<(f64, DMat3)> = (0..SAMPLES)
-        .filter_map(|_| {
-            let sample = sample::<_, SAMPLE>(groups, random);
-            let e = eight_points(sample.iter().map(|p| (p, 1.0)))?;
-            Some((cost(&e), e))
-        })
-        .collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.truncate(FINALISTS);
-    let mut found: Vec<(f64, Relative)> = Vec::new();
-    for (_, mut e) in all {
-        let mut least = cost(&e);
-        for _ in 0..REFINEMENTS {
-            let weight = |p: &Pair| {
-                let w = 1.0 / (1.0 + sampson(&e, p) / (sigma * sigma));
-                w * w
-            };
-            match eight_points(pairs.iter().map(|p| (p, weight(p)))) {
-                Some(better) if cost(&better) < least => (least, e) = (cost(&better), better),
-                _ => break,
-            }
-        }
-        found.extend(told(&e, &pairs, sigma).map(|r| (least, r)));
-    }
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut kept: Vec<Relative> = Vec::new();
-    for (_, r) in found {
-        if kept.len() < MOST_ANSWERS && kept.iter().all(|k| apart(&k.pose, &r.pose) > DIFFERENT) {
-            kept.push(r);
-        }
-    }
-    kept
+    let guess = || {
+        let sample = sample::<_, SAMPLE>(groups, random);
+        eight_points(sample.iter().map(|p| (p, 1.0)))
+    };
+    let better = |e: &DMat3| {
+        let weight = |p: &Pair| {
+            let w = 1.0 / (1.0 + sampson(e, p) / (sigma * sigma));
+            w * w
+        };
+        eight_points(pairs.iter().map(|p| (p, weight(p))))
+    };
+    let found = SEARCH.run(guess, cost, better).into_iter();
+    let found = found.filter_map(|(_, e)| told(&e, &pairs, sigma));
+    let is_different = |a: &Relative, b: &Relative| apart(&a.pose, &b.pose) > DIFFERENT;
+    distinct(found, MOST_ANSWERS, is_different)
 }
 
 /// The second camera where it is known how it is turned; `None` where points do not tell its place.

@@ -6,7 +6,7 @@ use rand::rngs::SmallRng;
 use rand::seq::index;
 
 use super::pose::Pose;
-use super::relative::{Pair, Relative, off, relative, turned};
+use super::relative::{Pair, Relative, angle, off, relative, turned};
 use super::resect::{Seen, resect};
 use super::turn::{Lifted, turns};
 use super::{CalibrateError, Sizes, people, refine, rescale, world};
@@ -22,6 +22,9 @@ const MOST_GROUPS: usize = 300;
 const ANGLES: std::ops::RangeInclusive<f64> = 0.15..=2.95;
 /// Pairs that are tried as a start.
 const MOST_STARTS: usize = 8;
+/// Answers that differ by less become one where cameras are moved to agree about everyone: radians, and distances as a
+/// share of those of all cameras from the first one.
+const ONE_ANSWER: f64 = 2e-3;
 /// Share of a figure's joints that agree where two figures are one person.
 const SAME: f64 = 0.6;
 /// Share of all joints that agree where two views surely saw the same people.
@@ -31,8 +34,8 @@ const LEAST_SHARED: usize = 60;
 /// How far a view may be off while the room takes shape, metres at the person.
 const SIGMA: f64 = 0.15;
 
-/// Places every camera, the first of a pair at its own origin; people are of canonical stature. Several answers, each
-/// from another start, in no order.
+/// Places every camera, the first of a pair at its own origin; people are of canonical stature. Several answers that
+/// differ, each from another start, in no order: most starts lead to the same one.
 pub fn assemble(
     lenses: &[View],
     frames: &[Vec<Detections>],
@@ -58,7 +61,7 @@ pub fn assemble(
         .filter(|p| ANGLES.contains(&p.found.angle))
         .take(MOST_STARTS);
     let mut failure = CalibrateError::NoPair;
-    let mut answers = Vec::new();
+    let mut answers: Vec<Vec<Pose>> = Vec::new();
     for start in starts {
         let placed = start.metric(sigma).and_then(|pose| {
             let placed = Placed {
@@ -71,6 +74,7 @@ pub fn assemble(
             placed.all(&pairs, sigma, &mut random)
         });
         match placed {
+            Ok(poses) if answers.iter().any(|other| is_same(&poses, other)) => {}
             Ok(poses) => answers.push(poses),
             Err(e) => failure = e,
         }
@@ -79,6 +83,25 @@ pub fn assemble(
         return Err(no_angle(lenses, &pairs).unwrap_or(failure));
     }
     Ok(answers)
+}
+
+/// Whether two answers place cameras alike, wherever either begins and however large its room is.
+fn is_same(a: &[Pose], b: &[Pose]) -> bool {
+    let beside = |all: &[Pose], k: usize| {
+        let (first, pose) = (&all[0], &all[k]);
+        let size: f64 = all
+            .iter()
+            .map(|c| c.position.distance(first.position))
+            .sum();
+        Pose {
+            rotation: pose.rotation * first.rotation.transpose(),
+            position: first.rotation * (pose.position - first.position) / size,
+        }
+    };
+    (1..a.len()).all(|k| {
+        let (p, q) = (beside(a, k), beside(b, k));
+        angle(&p.rotation, &q.rotation) < ONE_ANSWER && p.position.distance(q.position) < ONE_ANSWER
+    })
 }
 
 /// What is wrong where the two views that agree best are too near to each other, or look into each other.
@@ -316,6 +339,29 @@ impl Placed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_answer_is_the_same_wherever_it_begins() {
+        let at = |turn: f64, x: f64, z: f64| Pose {
+            rotation: DMat3::from_rotation_y(turn),
+            position: DVec3::new(x, 0.2 * x, z),
+        };
+        let answer = [at(0.0, 0.0, 0.0), at(1.0, 3.0, 1.0), at(2.0, -2.0, 4.0)];
+        let axes = DMat3::from_rotation_x(0.7) * DMat3::from_rotation_z(-2.0);
+        let elsewhere = answer.map(|pose| Pose {
+            rotation: pose.rotation * axes.transpose(),
+            position: 1.3 * (axes * pose.position) + DVec3::new(4.0, -1.0, 2.0),
+        });
+        assert!(is_same(&answer, &elsewhere));
+        for k in 0..answer.len() {
+            let (mut turned, mut moved) = (elsewhere, elsewhere);
+            turned[k].rotation = DMat3::from_rotation_y(0.01) * turned[k].rotation;
+            moved[k].position.y += 0.1;
+            for other in [turned, moved] {
+                assert!(!is_same(&answer, &other), "{k}");
+            }
+        }
+    }
 
     /// Of two people's four pairs a frame every kind is drawn, however many frames there are.
     #[test]

@@ -9,6 +9,7 @@ use rand::{Rng, SeedableRng};
 use super::*;
 use crate::body::skeleton::{ANKLE_HEIGHT, Skeleton};
 use crate::camera::Brown;
+use crate::joints::{L_HIP, MIRRORED, MIRRORED_EVIDENCE, R_ELBOW, R_HIP, R_SHOULDER};
 use crate::message::Observation;
 
 /// A camera that stands at `position` and looks at `target`; the world's z is up.
@@ -120,7 +121,7 @@ fn seen(
                 }
             }
             if let Some(off) = noise.lifted {
-                let pelvis = (joints[8].unwrap() + joints[11].unwrap()) / 2.0;
+                let pelvis = (joints[R_HIP].unwrap() + joints[L_HIP].unwrap()) / 2.0;
                 for (out, joint) in seen.joints3d.iter_mut().zip(joints) {
                     let noise = DVec3::from_array(std::array::from_fn(|_| off * gauss(random)));
                     let at = view.rotation * (joint.unwrap() - pelvis) + noise;
@@ -128,8 +129,8 @@ fn seen(
                 }
             }
             if v == 1 && random.random_bool(noise.exchanged) {
-                for j in [2, 3, 4, 8, 9, 10] {
-                    seen.joints2d.swap(j, crate::joints::MIRROR[j]);
+                for &[r, l] in &MIRRORED[..MIRRORED_EVIDENCE] {
+                    seen.joints2d.swap(r, l);
                 }
             }
             detections.push(Sight::new(&without_place(view.clone()), &seen));
@@ -445,7 +446,7 @@ fn nobody_has_to_walk_about_where_views_lift_people() {
 fn bodies_that_stretch_are_not_solid() {
     let rest = |stretch: f64| -> world::Joints {
         let mut joints = world::rest_joints(Skeleton::builtin());
-        joints[3] = joints[2].map(|p| p + DVec3::X * 0.3 * stretch);
+        joints[R_ELBOW] = joints[R_SHOULDER].map(|p| p + DVec3::X * 0.3 * stretch);
         joints
     };
     let same: Vec<_> = (0..20)

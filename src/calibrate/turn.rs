@@ -6,20 +6,22 @@ use nalgebra::Matrix3;
 use rand::Rng;
 use rand::rngs::SmallRng;
 
+use super::consensus::{Search, distinct};
 use super::relative::{angle, to_glam, to_nalgebra};
 use crate::joints::EVIDENCE_JOINTS;
 
 /// Somebody's evidence joints relative to their pelvis in a camera's axes, metres.
 pub type Lifted = [DVec3; EVIDENCE_JOINTS];
 
-const SAMPLES: usize = 200;
+const SEARCH: Search = Search {
+    samples: 200,
+    finalists: 20,
+    refinements: 5,
+};
 /// Figures in a sample.
 const SAMPLE: usize = 3;
 /// How far lifted joints of one person are from each other in two views, metres.
 const SIGMA: f64 = 0.2;
-/// Guesses that are refined.
-const FINALISTS: usize = 20;
-const REFINEMENTS: usize = 5;
 /// Answers that are kept, and how far they are from each other, radians.
 const MOST_ANSWERS: usize = 2;
 const DIFFERENT: f64 = 0.3;
@@ -31,34 +33,18 @@ pub fn turns(pairs: &[(Lifted, Lifted)], random: &mut SmallRng) -> Vec<DMat3> {
         return Vec::new();
     }
     let cost = |turn: &DMat3| -> f64 { pairs.iter().map(|pair| 1.0 - agreement(turn, pair)).sum() };
-    let mut all: Vec<(f64, DMat3)> = (0..SAMPLES)
-        .filter_map(|_| {
-            let sample = std::array::from_fn::<_, SAMPLE, _>(|_| {
-                &pairs[random.random_range(0..pairs.len())]
-            });
-            let turn = best(sample.into_iter().map(|pair| (pair, 1.0)))?;
-            Some((cost(&turn), turn))
-        })
-        .collect();
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.truncate(FINALISTS);
-    for (least, turn) in &mut all {
-        for _ in 0..REFINEMENTS {
-            let weight = |pair| agreement(turn, pair).powi(2);
-            match best(pairs.iter().map(|pair| (pair, weight(pair)))) {
-                Some(better) if cost(&better) < *least => (*least, *turn) = (cost(&better), better),
-                _ => break,
-            }
-        }
-    }
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut kept: Vec<DMat3> = Vec::new();
-    for (_, turn) in all {
-        if kept.len() < MOST_ANSWERS && kept.iter().all(|k| angle(k, &turn) > DIFFERENT) {
-            kept.push(turn);
-        }
-    }
-    kept
+    let guess = || {
+        let sample =
+            std::array::from_fn::<_, SAMPLE, _>(|_| &pairs[random.random_range(0..pairs.len())]);
+        best(sample.into_iter().map(|pair| (pair, 1.0)))
+    };
+    let better = |turn: &DMat3| {
+        let weight = |pair| agreement(turn, pair).powi(2);
+        best(pairs.iter().map(|pair| (pair, weight(pair))))
+    };
+    let found = SEARCH.run(guess, cost, better).into_iter();
+    let is_different = |a: &DMat3, b: &DMat3| angle(a, b) > DIFFERENT;
+    distinct(found.map(|(_, turn)| turn), MOST_ANSWERS, is_different)
 }
 
 /// How near a figure that is turned comes to the other, 1 where it is the same, a half at [`SIGMA`].

@@ -5,16 +5,21 @@ use glam::{DMat3, DVec3};
 
 use super::pose::Pose;
 use crate::body::skeleton::{ANKLE_HEIGHT, Skeleton};
-use crate::joints::{CANONICAL_STATURE, EVIDENCE_JOINTS, PARENTS, PELVIS};
+use crate::joints::{
+    ANKLES, CANONICAL_STATURE, EVIDENCE_JOINTS, HEAD_TOP, L_ANKLE, L_ELBOW, L_HIP, L_KNEE,
+    L_SHOULDER, L_WRIST, NECK, PARENTS, PELVIS, R_ANKLE, R_ELBOW, R_HIP, R_KNEE, R_SHOULDER,
+    R_WRIST,
+};
 
 /// Somebody's joints in one frame.
 pub type Joints = [Option<DVec3>; EVIDENCE_JOINTS];
 
 /// Segments that make up a height: ends of the right and of the left side; evidence joints.
-const SEGMENTS: [[[usize; 2]; 2]; 3] = [[[0, 1], [0, 1]], [[8, 9], [11, 12]], [[9, 10], [12, 13]]];
-const NECK: usize = 1;
-const HIPS: [usize; 2] = [8, 11];
-const ANKLES: [usize; 2] = [10, 13];
+const SEGMENTS: [[[usize; 2]; 2]; 3] = [
+    [[HEAD_TOP, NECK], [HEAD_TOP, NECK]],
+    [[R_HIP, R_KNEE], [L_HIP, L_KNEE]],
+    [[R_KNEE, R_ANKLE], [L_KNEE, L_ANKLE]],
+];
 /// Feet tell the floor's slope when they were so far apart both ways, metres.
 const WIDE: f64 = 0.6;
 /// They may tilt it against people's own axis by so much, radians.
@@ -30,7 +35,7 @@ pub fn size(people: &[Joints]) -> Option<f64> {
     let (mut seen, mut canonical) = (0.0, 0.0);
     let between = |joints: &Joints, [a, b]: [usize; 2]| Some(joints[a]?.distance(joints[b]?));
     let trunk =
-        |joints: &Joints| Some(joints[NECK]?.distance((joints[HIPS[0]]? + joints[HIPS[1]]?) / 2.0));
+        |joints: &Joints| Some(joints[NECK]?.distance((joints[R_HIP]? + joints[L_HIP]?) / 2.0));
     for sides in SEGMENTS {
         let mut all: Vec<f64> = people
             .iter()
@@ -47,12 +52,12 @@ pub fn size(people: &[Joints]) -> Option<f64> {
 
 /// Bones by the ends of the right one and of the left one, evidence joints.
 const BONES: [[[usize; 2]; 2]; 6] = [
-    [[1, 2], [1, 5]],
-    [[2, 3], [5, 6]],
-    [[3, 4], [6, 7]],
-    [[1, 8], [1, 11]],
-    [[8, 9], [11, 12]],
-    [[9, 10], [12, 13]],
+    [[NECK, R_SHOULDER], [NECK, L_SHOULDER]],
+    [[R_SHOULDER, R_ELBOW], [L_SHOULDER, L_ELBOW]],
+    [[R_ELBOW, R_WRIST], [L_ELBOW, L_WRIST]],
+    [[NECK, R_HIP], [NECK, L_HIP]],
+    [[R_HIP, R_KNEE], [L_HIP, L_KNEE]],
+    [[R_KNEE, R_ANKLE], [L_KNEE, L_ANKLE]],
 ];
 /// How much a bone may seem longer or shorter than it is, as a logarithm.
 const RIGID: f64 = 0.15;
@@ -112,7 +117,7 @@ pub struct Floor {
 /// Finds the floor that everyone stands on; `stature` is that of whom `people` shows, metres.
 pub fn floor(people: &[Joints], stature: f64) -> Option<Floor> {
     let axis = |joints: &Joints| {
-        let feet = (joints[ANKLES[0]]? + joints[ANKLES[1]]?) / 2.0;
+        let feet = (joints[R_ANKLE]? + joints[L_ANKLE]?) / 2.0;
         (joints[NECK]? - feet).try_normalize()
     };
     let axes: Vec<DVec3> = people.iter().filter_map(axis).collect();

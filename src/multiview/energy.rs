@@ -7,7 +7,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::fitted::Fitted;
-use super::moment::Seen;
+use super::moment::{Moment, Seen};
 use super::points;
 use super::prior::PosePrior;
 use super::sight::DATA;
@@ -15,6 +15,7 @@ use super::silhouette::Rim;
 use super::triangulate::{robust, robust_weight};
 use crate::body::BodyModel;
 use crate::body::mesh::{FREEDOM, MeshBody};
+use crate::fit::reprojection;
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::solve::{LeastSquares, NormalEquations};
 
@@ -48,6 +49,14 @@ pub enum Free {
 }
 
 impl Free {
+    /// What a solver may move of somebody in a frame; without a word on their size the shape stays as it is.
+    pub fn of(moment: &Moment) -> Self {
+        match moment.tells_size() {
+            true => Self::All,
+            false => Self::Pose,
+        }
+    }
+
     fn size(self, body: &MeshBody) -> usize {
         match self {
             Self::Root => 6,
@@ -125,9 +134,7 @@ impl Energy<'_> {
             let weight = weight * robust_weight(e2, self.sigma);
             // Rows of the derivative of r by the point in the world.
             let turn = seen.view.rotation.transpose();
-            let scale = seen.depth / z;
-            let x = turn * DVec3::new(scale, 0.0, -scale * p.x / z);
-            let y = turn * DVec3::new(0.0, scale, -scale * p.y / z);
+            let [x, y] = reprojection::rows(p, seen.depth).map(|row| turn * row);
             pull += weight * (r.x * x + r.y * y);
             matrix += weight * (outer(x) + outer(y));
         }

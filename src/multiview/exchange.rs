@@ -7,7 +7,9 @@ use super::moment::Moment;
 use super::sight::{LIMB_PAIRS, Sight, distance};
 use super::triangulate::{Line, SIGMA, meet, passing, robust};
 use crate::camera::View;
-use crate::joints::{EVIDENCE_JOINTS, MIRROR};
+use crate::joints::{
+    EVIDENCE_JOINTS, HIPS, L_HIP, L_SHOULDER, MIRROR, NECK, R_HIP, R_SHOULDER, SHOULDERS,
+};
 
 /// Limbs that are tried before there is a body: arms and legs.
 const BEFORE: usize = 2;
@@ -29,7 +31,7 @@ const MARGIN: f64 = 0.6;
 /// Seconds between moments up to which the way from one to the other counts in full: in more a limb goes anywhere.
 const FULL: f64 = 1.0 / 30.0;
 /// Neck, shoulders, hips: the same trunk whichever side is called right.
-const TRUNK: [[usize; 2]; 3] = [[1, 1], [2, 5], [8, 11]];
+const TRUNK: [[usize; 2]; 3] = [[NECK, NECK], SHOULDERS, HIPS];
 
 /// Most views of one person: there is a bit for each.
 pub const MOST_VIEWS: usize = u32::BITS as usize;
@@ -54,10 +56,23 @@ pub fn agree(views: &[View], sights: &mut [Option<Sight>]) -> States {
         return exchanged;
     }
     for (right, exchanged) in LIMB_PAIRS.iter().zip(&mut exchanged) {
+        // Of a joint's mirror image a reading takes the rays that the opposite one takes of the joint.
+        let is_combined = seen.len() <= MOST_COMBINED;
+        let all: u32 = if is_combined { 1 << seen.len() } else { 0 };
+        let of = |states: u32, j: usize| of_joint(views, sights, &seen, states, j);
+        let known = right.iter().flat_map(|&j| (0..all).map(move |s| of(s, j)));
+        let known: Vec<Reading> = known.collect();
         let read = |states: u32| -> Reading {
-            let joints = right.iter().flat_map(|&j| [j, MIRROR[j]]);
-            let each = joints.map(|j| of_joint(views, sights, &seen, states, j));
-            each.fold(Reading::default(), |sum, one| Reading {
+            let joints = right
+                .iter()
+                .enumerate()
+                .flat_map(|(k, &j)| match is_combined {
+                    true => {
+                        [states, all - 1 - states].map(|s| known[k * all as usize + s as usize])
+                    }
+                    false => [j, MIRROR[j]].map(|j| of(states, j)),
+                });
+            joints.fold(Reading::default(), |sum, one| Reading {
                 cost: sum.cost + one.cost,
                 alone: sum.alone + one.alone,
             })
@@ -69,9 +84,10 @@ pub fn agree(views: &[View], sights: &mut [Option<Sight>]) -> States {
             let taken = robust(ALONE * ALONE, SIGMA) * (alone - as_told).max(0.0);
             RELUCTANCE * f64::from(states.count_ones()) + cost + taken
         };
-        let best = if seen.len() <= MOST_COMBINED {
-            let all = (0..1u32 << seen.len()).map(|s| (s, cost(s)));
-            all.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(s, _)| s)
+        let best = if is_combined {
+            let each = (0..all).map(|s| (s, cost(s)));
+            each.min_by(|a, b| a.1.total_cmp(&b.1))
+                .map_or(0, |(s, _)| s)
         } else {
             one_by_one(seen.len(), cost)
         };
@@ -147,7 +163,10 @@ pub fn settle(times: &[f64], moments: &mut [&mut Moment], states: &mut [States])
 
 /// Whether shoulders point another way than hips.
 pub fn is_crossed(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<bool> {
-    let (shoulders, hips) = (joints[5]? - joints[2]?, joints[11]? - joints[8]?);
+    let (shoulders, hips) = (
+        joints[L_SHOULDER]? - joints[R_SHOULDER]?,
+        joints[L_HIP]? - joints[R_HIP]?,
+    );
     Some(shoulders.dot(hips) < 0.0)
 }
 
@@ -200,7 +219,7 @@ fn one_by_one(count: usize, cost: impl Fn(u32) -> f64) -> u32 {
 }
 
 /// What a reading makes of a joint, or of several.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Reading {
     /// By how far rays miss each other, weighted, square metres.
     cost: f64,
@@ -273,6 +292,7 @@ mod tests {
     use glam::{DMat3, DVec2};
 
     use super::*;
+    use crate::joints::{L_ELBOW, L_WRIST, R_ELBOW, R_WRIST};
     use crate::message::Observation;
 
     /// Level, 1.4 m high, at this place of the floor, and looks to above the origin; the world's y is up.
@@ -333,7 +353,10 @@ mod tests {
 
     #[test]
     fn rays_are_not_taken_apart_because_one_alone_misses_nothing() {
-        let [right, left] = [[2, 3, 4], [5, 6, 7]];
+        let [right, left] = [
+            [R_SHOULDER, R_ELBOW, R_WRIST],
+            [L_SHOULDER, L_ELBOW, L_WRIST],
+        ];
         for other in [facing(4.2, 0.0), facing(0.0, 4.2)] {
             let views = [facing(-4.2, 0.0), other];
             let mut same = [

@@ -4,6 +4,7 @@ use super::fitted::Fitted;
 use super::moment::Moment;
 use super::over_frames::OverFrames;
 use super::people::{Detections, Track, track_by};
+use super::person::{PersonFit, PersonFrame};
 use super::points;
 use super::run::{Run, Step};
 use super::sight::distance;
@@ -27,46 +28,6 @@ pub struct MultiviewOptions {
     /// Whether stage one goes from joints in space over a coarse energy to the fine one, as it should: without, the
     /// fine one starts from the mean pose, turned as the trunk is.
     pub hierarchy: bool,
-}
-
-/// One frame of one person.
-#[derive(Debug, Clone)]
-pub struct PersonFrame {
-    /// Which frame.
-    pub frame: usize,
-    /// The body.
-    pub body: Fitted,
-    /// What views saw, exchanged limbs healed.
-    pub moment: Moment,
-}
-
-#[cfg(test)]
-impl PersonFrame {
-    /// A body of the mean shape that no view saw.
-    pub(crate) fn unseen(frame: usize, pose: crate::body::mesh::MeshPose) -> Self {
-        Self {
-            frame,
-            body: Fitted::new(MeshBody::shipped(), pose, &[0.0; 10]),
-            moment: Moment {
-                sights: Vec::new(),
-                joints: [None; crate::joints::EVIDENCE_JOINTS],
-                healed: 0,
-                lifted: None,
-                contours: Vec::new(),
-            },
-        }
-    }
-}
-
-/// One person over time.
-#[derive(Debug, Clone)]
-pub struct PersonFit {
-    /// Identity, from 1.
-    pub id: u32,
-    /// Shape coefficients.
-    pub betas: Vec<f64>,
-    /// Rising frames.
-    pub frames: Vec<PersonFrame>,
 }
 
 /// Everyone, and how much every view counted.

@@ -1,8 +1,7 @@
 //! Who is who among detections of one frame that nobody known took: detections of several views go in, groups come out
 //! in which every view agrees with every other.
 
-use super::people::{LEAST_SHARED, mirrored};
-use super::sight::{Sight, between};
+use super::sight::{LEAST_SHARED, Sight, between};
 use crate::camera::View;
 
 /// Median distance between the rays of two views' joints of one person, metres.
@@ -155,7 +154,7 @@ pub(super) fn ray_distance((va, a): (&View, &Sight), (vb, b): (&View, &Sight)) -
         each.sort_by(f64::total_cmp);
         Some(each[each.len() / 2])
     };
-    match (of(b), of(&mirrored(b))) {
+    match (of(b), of(&b.mirrored())) {
         (Some(x), Some(y)) => Some(x.min(y)),
         (x, _) => x,
     }

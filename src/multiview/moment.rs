@@ -2,9 +2,8 @@
 
 use glam::DVec3;
 
-use super::energy::Free;
 use super::fitted::Fitted;
-use super::people::of_one_body;
+use super::one_body::of_one_body;
 use super::points;
 use super::sight::Sight;
 use super::silhouette::Contour;
@@ -40,15 +39,6 @@ impl Moment {
     /// away.
     pub fn tells_size(&self) -> bool {
         self.lifted.is_some() || self.sights.iter().flatten().count() > 1
-    }
-
-    /// What a solver may move of the person in this frame; without a word on their size the shape stays as it is.
-    pub(super) fn free(&self) -> Free {
-        if self.tells_size() {
-            Free::All
-        } else {
-            Free::Pose
-        }
     }
 
     /// Takes the joints of a body for those of a person of whom none is known in space.
@@ -98,6 +88,7 @@ pub struct Seen<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joints::R_WRIST;
 
     #[test]
     fn one_joint_far_away_does_not_change_how_far_a_person_is() {
@@ -111,7 +102,7 @@ mod tests {
         };
         let depth = moment.depth(&view).unwrap();
         // Where rays of a joint that is somewhere else meet: sixty metres behind.
-        moment.joints[4] = Some(60.0 * view.rotation.row(2));
+        moment.joints[R_WRIST] = Some(60.0 * view.rotation.row(2));
         let other = moment.depth(&view).unwrap();
         assert!(
             (other / depth - 1.0).abs() < 0.02,

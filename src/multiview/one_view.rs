@@ -88,7 +88,7 @@ mod tests {
     use crate::body::skeleton::{Pose, Posed, Skeleton};
     use crate::camera::Brown;
     use crate::fit::FitConfig;
-    use crate::joints::PELVIS;
+    use crate::joints::{ANKLES, L_ANKLE, PELVIS, R_ANKLE};
 
     /// Ankles are told of beyond the fold of the lens, once surely and once not at all.
     #[test]
@@ -122,12 +122,12 @@ mod tests {
             let [u, v] = pixel(p.truncate() / p.z);
             *out = [u, v, 0.9];
         }
-        for (ankle, x) in [(10, -0.3), (13, 0.3)] {
+        for (ankle, x) in [(R_ANKLE, -0.3), (L_ANKLE, 0.3)] {
             let beyond = (view.centre + DVec2::new(x, 0.9) * view.focal).as_vec2();
             told.joints2d[ankle] = [beyond.x, beyond.y, 0.9];
         }
         let mut unseen = told;
-        for ankle in [10, 13] {
+        for ankle in ANKLES {
             unseen.joints2d[ankle] = [0.0; 3];
         }
         let bodies = [told, unseen].map(|seen| {

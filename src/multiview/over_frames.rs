@@ -3,11 +3,11 @@
 
 use rayon::prelude::*;
 
-use super::fit::{PersonFit, PersonFrame};
 use super::fitted::Fitted;
 use super::kept::Placed;
 use super::moment::Moment;
 use super::people::Track;
+use super::person::{PersonFit, PersonFrame};
 use super::points;
 use super::refine::{Extent, Person, contours};
 use super::run::{Run, Step};

@@ -4,16 +4,16 @@
 
 use glam::{DQuat, DVec3};
 
-use super::fit::PersonFit;
+use super::person::PersonFit;
 use super::points;
 use crate::body::BodyModel;
 use crate::body::skeleton::{
     BoneLengths, Pose, Posed, Skeleton, bone_rotations, rotation_vector_near,
 };
-use crate::fit::{SEEN_THROUGH, first_pose};
+use crate::fit::{PoseEnergy, Posture, Problem, SEEN_THROUGH, first_pose};
 use crate::joints::{BODY_JOINTS, PARENTS, PELVIS};
 use crate::message::{Body, BodyState, JointState};
-use crate::solve::{Effort, LeastSquares, NormalEquations, Solver};
+use crate::solve::{Effort, NormalEquations, Solver};
 
 /// Joints of the skeleton that lie farther than this from the mesh body's, metres, may be of a pose beside the right
 /// one.
@@ -21,36 +21,26 @@ const BESIDE: f64 = 0.1;
 /// How sure a joint is that two views saw, one, or none, where Stage III does not tell.
 const SURE: [f32; 3] = [0.95, 0.8, 0.5];
 
-struct Laid<'a> {
-    skeleton: &'a Skeleton,
-    lengths: &'a BoneLengths,
-    targets: &'a [DVec3; BODY_JOINTS],
-}
+/// Where every joint should lie, metres: the energy is the sum of squared distances from there, square metres.
+struct Places<'a>(&'a [DVec3; BODY_JOINTS]);
 
-impl LeastSquares for Laid<'_> {
-    type State = (Pose, Posed);
-
-    fn envelope(&self) -> &[usize] {
-        self.skeleton.elimination().envelope()
-    }
-
-    fn cost(&self, (_, posed): &(Pose, Posed)) -> f64 {
+impl PoseEnergy for Places<'_> {
+    fn cost(&self, _: &Pose, posed: &Posed) -> f64 {
         posed
             .joints
             .iter()
-            .zip(self.targets)
+            .zip(self.0)
             .map(|(p, t)| p.distance_squared(*t))
             .sum()
     }
 
-    fn linearise(&self, (_, posed): &(Pose, Posed), out: &mut NormalEquations) {
-        let rows = self.skeleton.elimination().rows();
+    fn linearise(&self, skeleton: &Skeleton, _: &Pose, posed: &Posed, out: &mut NormalEquations) {
+        let rows = skeleton.elimination().rows();
         let mut columns: Vec<(usize, DVec3)> = Vec::new();
-        for (j, target) in self.targets.iter().enumerate() {
+        for (j, target) in self.0.iter().enumerate() {
             let off = posed.joints[j] - *target;
             columns.clear();
-            self.skeleton
-                .jacobian(posed, j, |d, c| columns.push((rows[d], c)));
+            skeleton.jacobian(posed, j, |d, c| columns.push((rows[d], c)));
             for &(a, ca) in &columns {
                 out.pull(a, ca.dot(off));
                 for &(b, cb) in &columns {
@@ -61,13 +51,6 @@ impl LeastSquares for Laid<'_> {
             }
         }
     }
-
-    fn step(&self, from: &(Pose, Posed), descent: &[f64], to: &mut (Pose, Posed)) {
-        let rows = self.skeleton.elimination().rows();
-        to.0 = from.0.moved(&std::array::from_fn(|d| -descent[rows[d]]));
-        self.skeleton.clamp(&mut to.0.angles);
-        self.skeleton.pose(&to.0, self.lengths, &mut to.1);
-    }
 }
 
 /// The skeleton, laid into one frame's joints after the other's.
@@ -75,27 +58,26 @@ struct Laying<'a> {
     skeleton: &'a Skeleton,
     lengths: &'a BoneLengths,
     solver: Solver,
-    state: (Pose, Posed),
-    spare: (Pose, Posed),
+    state: Posture,
+    spare: Posture,
 }
 
 impl<'a> Laying<'a> {
     fn new(skeleton: &'a Skeleton, lengths: &'a BoneLengths) -> Self {
-        let rest = (Pose::facing_camera(0.0), Posed::default());
         Self {
             skeleton,
             lengths,
             solver: Solver::default(),
-            state: rest,
-            spare: rest,
+            state: Posture::default(),
+            spare: Posture::default(),
         }
     }
 
     /// From where it lay, or, of who is turned like this and has not been seen just now, from rest; and where that ends
     /// beside, from the closed form of the limbs.
-    fn lay(&mut self, targets: &[DVec3; BODY_JOINTS], turned: Option<DQuat>) -> &(Pose, Posed) {
+    fn lay(&mut self, targets: &[DVec3; BODY_JOINTS], turned: Option<DQuat>) -> &Posture {
         if let Some(rotation) = turned {
-            self.state.0 = Pose {
+            self.state.pose = Pose {
                 rotation,
                 ..Pose::facing_camera(0.0)
             };
@@ -106,7 +88,7 @@ impl<'a> Laying<'a> {
             let before = self.state;
             let points = targets.map(|p| p - targets[PELVIS]);
             if let Some(pose) = first_pose(self.skeleton, targets[PELVIS], &points) {
-                self.state.0 = pose;
+                self.state.pose = pose;
                 if self.solve(targets, 60) >= off {
                     self.state = before;
                 }
@@ -117,20 +99,18 @@ impl<'a> Laying<'a> {
 
     /// Returns how far off the farthest joint is, metres.
     fn solve(&mut self, targets: &[DVec3; BODY_JOINTS], iterations: u32) -> f64 {
-        let problem = Laid {
-            skeleton: self.skeleton,
-            lengths: self.lengths,
-            targets,
-        };
+        let places = Places(targets);
+        let problem = Problem::new(self.skeleton, self.lengths, &places);
         let effort = Effort {
             iterations,
             tolerance: 1e-6,
         };
         let state = &mut self.state;
-        state.0.position = targets[PELVIS];
-        self.skeleton.pose(&state.0, self.lengths, &mut state.1);
+        state.pose.position = targets[PELVIS];
+        self.skeleton
+            .pose(&state.pose, self.lengths, &mut state.posed);
         self.solver.solve(&problem, effort, state, &mut self.spare);
-        let each = state.1.joints.iter().zip(targets);
+        let each = state.posed.joints.iter().zip(targets);
         each.map(|(p, t)| p.distance(*t)).fold(0.0, f64::max)
     }
 }
@@ -168,7 +148,7 @@ pub fn bodies(person: &PersonFit, stature: f64, rate: f64) -> Vec<(usize, Body)>
             Some(lifted) => lifted.confidence,
             None => std::array::from_fn(|j| SURE[2 - seen[j].min(2)]),
         };
-        turn = rotation_vector_near(state.0.rotation, turn);
+        turn = rotation_vector_near(state.pose.rotation, turn);
         // Over a pause nobody knows how fast they went.
         let near = [k - usize::from(goes_on), k + usize::from(is_next(k))];
         let span =
@@ -181,12 +161,12 @@ pub fn bodies(person: &PersonFit, stature: f64, rate: f64) -> Vec<(usize, Body)>
                 false => BodyState::PREDICTED,
             },
             position: targets[PELVIS].as_vec3().to_array(),
-            orientation: state.0.rotation.normalize().as_quat().to_array(),
+            orientation: state.pose.rotation.normalize().as_quat().to_array(),
             velocity: velocity.as_vec3().to_array(),
             angles: std::array::from_fn(|d| match d {
                 0..3 => targets[PELVIS][d] as f32,
                 3..6 => turn[d - 3] as f32,
-                _ => state.0.angles[d - 6] as f32,
+                _ => state.pose.angles[d - 6] as f32,
             }),
             joints3d: targets.map(|p| p.as_vec3().to_array()),
             score: confidence.iter().sum::<f32>() / BODY_JOINTS as f32,
@@ -195,7 +175,7 @@ pub fn bodies(person: &PersonFit, stature: f64, rate: f64) -> Vec<(usize, Body)>
             bone_lengths: std::array::from_fn(
                 |j| if j == PELVIS { 0.0 } else { lengths[j] as f32 },
             ),
-            bone_rotations: bone_rotations(&state.1).map(|q| q.as_quat().to_array()),
+            bone_rotations: bone_rotations(&state.posed).map(|q| q.as_quat().to_array()),
             joint_states: std::array::from_fn(|j| match seen[j] {
                 0 if is_seen => JointState::OCCLUDED,
                 0 => JointState::PREDICTED,
@@ -220,7 +200,7 @@ fn bone_lengths(joints: &[[DVec3; BODY_JOINTS]]) -> BoneLengths {
 mod tests {
     use super::*;
     use crate::body::mesh::MeshPose;
-    use crate::multiview::fit::PersonFrame;
+    use crate::multiview::PersonFrame;
     use crate::multiview::prior::PosePrior;
 
     /// Somebody turned about y who holds up the right forearm.

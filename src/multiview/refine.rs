@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use super::energy::Energy;
+use super::energy::{Energy, Free};
 use super::fitted::Fitted;
 use super::moment::Moment;
 use super::points;
@@ -145,7 +145,7 @@ pub fn refine(
             rims: &rims,
             prior,
             shape,
-            free: moment.free(),
+            free: Free::of(moment),
         };
         let effort = Effort {
             iterations: STEPS,

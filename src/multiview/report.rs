@@ -3,7 +3,8 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use super::fit::{MultiviewFit, PersonFrame};
+use super::fit::MultiviewFit;
+use super::person::PersonFrame;
 use super::points;
 use super::sight::Sight;
 use crate::body::BodyModel;

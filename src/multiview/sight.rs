@@ -4,7 +4,9 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::camera::View;
 use crate::camera::translation::least_squares;
-use crate::joints::{EVIDENCE_JOINTS, MIRROR};
+use crate::joints::{
+    EVIDENCE_JOINTS, MIRROR, R_ANKLE, R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
+};
 use crate::message::Observation;
 
 /// Confidence under which a joint is not seen.
@@ -13,6 +15,8 @@ const LEAST_CONFIDENCE: f32 = 0.1;
 const NOISE: f64 = 0.0123;
 /// Weight of a squared metre.
 pub const DATA: f64 = 1.0 / (NOISE * NOISE);
+/// Shared joints under which two detections cannot be compared.
+pub const LEAST_SHARED: usize = 5;
 
 /// One joint in one view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,10 +44,15 @@ pub struct Sight {
 }
 
 /// The right one of every pair that has a bit.
-const PAIRS: [usize; 6] = [2, 3, 4, 8, 9, 10];
+const PAIRS: [usize; 6] = [R_SHOULDER, R_ELBOW, R_WRIST, R_HIP, R_KNEE, R_ANKLE];
 
 /// Limbs whose sides a detector exchanges: pairs of evidence joints, the right one first.
-pub const LIMB_PAIRS: [&[usize]; 4] = [&[2, 3, 4], &[8, 9, 10], &[3, 4], &[9, 10]];
+pub const LIMB_PAIRS: [&[usize]; 4] = [
+    &[R_SHOULDER, R_ELBOW, R_WRIST],
+    &[R_HIP, R_KNEE, R_ANKLE],
+    &[R_ELBOW, R_WRIST],
+    &[R_KNEE, R_ANKLE],
+];
 
 impl Sight {
     /// An observation in `view`; joints beyond the fold of its lens are not seen.
@@ -88,6 +97,11 @@ impl Sight {
             .filter(|(ray, _)| ray.is_some());
         let (sum, count) = each.fold((0.0, 0), |(s, n), (_, p)| (s + p.z, n + 1));
         (count > 0).then(|| pelvis.z + sum / f64::from(count))
+    }
+
+    /// The same with all sides exchanged.
+    pub fn mirrored(&self) -> Self {
+        self.exchanged(LIMB_PAIRS[0]).exchanged(LIMB_PAIRS[1])
     }
 
     /// The same with the sides of some joints exchanged; `right` names the right ones.

@@ -13,7 +13,7 @@ use super::refine::refine;
 use crate::body::BodyModel;
 use crate::body::mesh::{MeshBody, MeshPose};
 use crate::camera::View;
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
+use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, L_HIP, L_SHOULDER, NECK, R_HIP, R_SHOULDER};
 use crate::solve::{Effort, Solver};
 
 const COARSE: f64 = 0.25;
@@ -21,6 +21,10 @@ const COARSE: f64 = 0.25;
 pub const FINE: f64 = 0.1;
 /// Weight of the pose prior while little is known, and in the end.
 const PRIOR: [f64; 2] = [6.0, 1.0];
+/// While little is known, and in the end: distance beyond which a view's joint counts little (metres), weight of the
+/// pose prior, and most linearisations.
+const ROUGHLY: (f64, f64, u32) = (COARSE, PRIOR[0], 10);
+const WELL: (f64, f64, u32) = (FINE, PRIOR[1], 14);
 /// Weight of the shape prior, and with outlines, which tell more of the shape than joints do.
 const SHAPE: f64 = 3.0;
 const OUTLINED: f64 = 1.0;
@@ -67,23 +71,9 @@ impl StageOne {
                 continue;
             };
             if coarse && self.hierarchy {
-                self.solve(
-                    body,
-                    views,
-                    weights,
-                    moment,
-                    (COARSE, PRIOR[0], 10),
-                    &mut fitted,
-                );
+                self.solve(body, views, weights, moment, ROUGHLY, &mut fitted);
             }
-            let cost = self.solve(
-                body,
-                views,
-                weights,
-                moment,
-                (FINE, PRIOR[1], 14),
-                &mut fitted,
-            );
+            let cost = self.solve(body, views, weights, moment, WELL, &mut fitted);
             if best.as_ref().is_none_or(|(_, least)| cost < *least) {
                 best = Some((fitted, cost));
             }
@@ -101,14 +91,7 @@ impl StageOne {
                 break;
             }
             moment.healed += healed;
-            cost = self.solve(
-                body,
-                views,
-                weights,
-                moment,
-                (FINE, PRIOR[1], 14),
-                &mut fitted,
-            );
+            cost = self.solve(body, views, weights, moment, WELL, &mut fitted);
         }
         moment.joints = told;
         Some((fitted, cost))
@@ -123,8 +106,7 @@ impl StageOne {
         moment: &Moment,
         fitted: &mut Fitted,
     ) {
-        let settings = (FINE, PRIOR[1], 14);
-        self.solve(body, views, weights, moment, settings, fitted);
+        self.solve(body, views, weights, moment, WELL, fitted);
         self.outline(body, views, weights, moment, fitted);
     }
 
@@ -162,7 +144,7 @@ impl StageOne {
             rims: &[],
             prior,
             shape: SHAPE,
-            free: moment.free(),
+            free: Free::of(moment),
         };
         let effort = Effort {
             iterations,
@@ -221,10 +203,10 @@ fn trunk(joints: &[Option<DVec3>; EVIDENCE_JOINTS]) -> Option<(DVec3, DQuat)> {
         (Some(p), Some(q)) => Some((p + q) / 2.0),
         (p, q) => p.or(q),
     };
-    let pelvis = middle(8, 11)?;
-    let top = joints[1].or_else(|| middle(2, 5))?;
+    let pelvis = middle(R_HIP, L_HIP)?;
+    let top = joints[NECK].or_else(|| middle(R_SHOULDER, L_SHOULDER))?;
     let up = (top - pelvis).try_normalize()?;
-    let left = match (across(8, 11), across(2, 5)) {
+    let left = match (across(R_HIP, L_HIP), across(R_SHOULDER, L_SHOULDER)) {
         (Some(hips), Some(shoulders)) => hips + 0.5 * shoulders,
         (hips, shoulders) => hips.or(shoulders)?,
     };

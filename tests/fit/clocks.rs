@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use edgecap::camera::calibration::{self, write_pose2sim};
+use edgecap::joints::PELVIS;
 use edgecap::message::FLAG_FILE_TIME;
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
 use rand::SeedableRng;
@@ -387,7 +388,8 @@ fn pauses_are_as_long_as_they_were() {
                 let [a, now, b] = [&w[0], &w[1], &w[2]].map(|row| row.people.first());
                 let (a, now, b) = (a?, now?, b?);
                 let span = (w[2].time_ns - w[0].time_ns) as f64 * 1e-9;
-                let way = glam::Vec3::from(b.joints3d[14]) - glam::Vec3::from(a.joints3d[14]);
+                let way =
+                    glam::Vec3::from(b.joints3d[PELVIS]) - glam::Vec3::from(a.joints3d[PELVIS]);
                 let told = glam::Vec3::from(now.velocity);
                 (a.id == b.id).then(|| [told.length().into(), f64::from(way.length()) / span])
             })

@@ -5,7 +5,7 @@ use crate::scene::gauss;
 use crate::scene::people::{self, Activity, Person};
 use edgecap::camera::{Brown, View};
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::PELVIS;
+use edgecap::joints::{L_HIP, PELVIS, R_HIP};
 use edgecap::lab::eval::multiview::{MultiviewCheck, MultiviewReport};
 use edgecap::message::{BodyFrame, Observation, ObservationFrame};
 use glam::{DMat3, DVec2, DVec3};
@@ -76,7 +76,7 @@ fn check(truth: Truth, pixels: f64, space: f64) -> MultiviewReport {
                 *out = [p.x as f32, p.y as f32, 0.8];
             }
             for (j, out) in seen.joints3d.iter_mut().enumerate() {
-                let fixed = [8, 11, PELVIS].contains(&j);
+                let fixed = [R_HIP, L_HIP, PELVIS].contains(&j);
                 let off = DVec3::new(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng))
                     .normalize_or_zero()
                     * if fixed { 0.0 } else { space };

@@ -3,7 +3,7 @@
 use edgecap::camera::calibration::write_pose2sim;
 use edgecap::camera::{Brown, View};
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::{BODY_JOINTS, PELVIS};
+use edgecap::joints::{BODY_JOINTS, HEAD_TOP, PELVIS};
 use edgecap::message::{BodyFrame, BodyState, Intrinsics, JointState, ObservationFrame};
 use edgecap::multiview::{stage_three, to_view};
 use edgecap::record::{BodiesRow, Format, ObservationsRow, RecordWriter, RowReader};
@@ -135,7 +135,7 @@ fn a_joint_that_the_view_saw_is_observed() {
     let mut seen = Vec::new();
     for _ in 0..20 {
         let (mut message, _) = scene.next();
-        message.people[0].joints2d[0] = [0.0; 3];
+        message.people[0].joints2d[HEAD_TOP] = [0.0; 3];
         seen.push(message.people[0].joints2d.map(|j| j[2] >= 0.1));
         file.write(&message, "").unwrap();
     }

@@ -6,7 +6,7 @@ use crate::scene::{Noise, Scene};
 use edgecap::body::skeleton::Skeleton;
 use edgecap::fit::config::GroundConfig;
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::PELVIS;
+use edgecap::joints::{L_ANKLE, PELVIS, R_ANKLE};
 use edgecap::message::{BodyFrame, FLAG_FILE_TIME, World, WorldState};
 
 const FPS: f64 = 30.0;
@@ -171,7 +171,7 @@ fn bodies_stand_on_the_floor_of_the_world() {
         }
         for body in out.bodies() {
             let there = out.in_world(body).unwrap();
-            let sole = there.joints3d[10][1].min(there.joints3d[13][1]) - 0.085;
+            let sole = there.joints3d[R_ANKLE][1].min(there.joints3d[L_ANKLE][1]) - 0.085;
             heights.push(f64::from(sole.abs()));
         }
     }

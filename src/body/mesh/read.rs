@@ -5,6 +5,7 @@ use std::io::{Read, Seek};
 use super::skin::Weights;
 use super::{CORRECTIVES, JOINTS, MeshBody, MeshError, PARENTS, REPORTED, Reported};
 use crate::body::model::Elimination;
+use crate::joints::HEAD_TOP;
 use crate::npz::{Archive, Numbers};
 
 /// More vertices than any body model has: what a damaged header may ask for ends here.
@@ -14,9 +15,6 @@ const MOST_COMPONENTS: usize = 300;
 const SUM_TOLERANCE: f64 = 0.02;
 /// Metres: a body's vertices lie within this of its origin.
 const REACH: f64 = 10.0;
-
-/// Edgecap's joint that SMPL's tree has not.
-const HEAD_TOP: usize = 0;
 
 /// Rows of a regressor: vertex and weight.
 type Rows = Vec<Vec<(usize, f64)>>;

@@ -46,6 +46,7 @@ impl Girdle {
 #[cfg(test)]
 mod tests {
     use crate::body::skeleton::{Pose, Posed, Skeleton};
+    use crate::joints::{NECK, SHOULDERS};
 
     /// How high the shoulders are above the neck, metres: right, left.
     fn shoulders(arm: &str, degrees: f64) -> [f64; 2] {
@@ -56,7 +57,7 @@ mod tests {
         let mut posed = Posed::default();
         s.pose(&pose, s.lengths(), &mut posed);
         // Camera axes: y down.
-        [2, 5].map(|j| posed.joints[1].y - posed.joints[j].y)
+        SHOULDERS.map(|j| posed.joints[NECK].y - posed.joints[j].y)
     }
 
     #[test]

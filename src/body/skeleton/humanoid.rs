@@ -11,28 +11,31 @@ use glam::{DQuat, DVec3};
 
 use super::girdle::Girdle;
 use super::{BoneLengths, Posed, Skeleton};
-use crate::joints::{PARENTS, PELVIS};
+use crate::joints::{
+    HEAD, HEAD_TOP, L_ANKLE, L_ELBOW, L_FOOT_TIP, L_HAND, L_KNEE, L_SHOULDER, L_WRIST, NECK,
+    PARENTS, PELVIS, R_ANKLE, R_ELBOW, R_FOOT_TIP, R_HAND, R_KNEE, R_SHOULDER, R_WRIST,
+};
 use crate::message::{HUMANOID_BONE_COUNT, HUMANOID_BONES};
 
 /// For each humanoid bone: the body joint whose bone carries it, its humanoid parent, and the side of an arm (−1
 /// right).
 const BONES: [(usize, Option<usize>, f64); HUMANOID_BONE_COUNT] = [
     (PELVIS, None, 0.0),
-    (1, Some(0), 0.0),
-    (16, Some(1), 0.0),
-    (0, Some(2), 0.0),
-    (3, Some(1), -1.0),
-    (4, Some(4), -1.0),
-    (17, Some(5), -1.0),
-    (6, Some(1), 1.0),
-    (7, Some(7), 1.0),
-    (18, Some(8), 1.0),
-    (9, Some(0), 0.0),
-    (10, Some(10), 0.0),
-    (19, Some(11), 0.0),
-    (12, Some(0), 0.0),
-    (13, Some(13), 0.0),
-    (20, Some(14), 0.0),
+    (NECK, Some(0), 0.0),
+    (HEAD, Some(1), 0.0),
+    (HEAD_TOP, Some(2), 0.0),
+    (R_ELBOW, Some(1), -1.0),
+    (R_WRIST, Some(4), -1.0),
+    (R_HAND, Some(5), -1.0),
+    (L_ELBOW, Some(1), 1.0),
+    (L_WRIST, Some(7), 1.0),
+    (L_HAND, Some(8), 1.0),
+    (R_KNEE, Some(0), 0.0),
+    (R_ANKLE, Some(10), 0.0),
+    (R_FOOT_TIP, Some(11), 0.0),
+    (L_KNEE, Some(0), 0.0),
+    (L_ANKLE, Some(13), 0.0),
+    (L_FOOT_TIP, Some(14), 0.0),
 ];
 
 /// Bones of the rig: those of messages and two shoulders.
@@ -67,12 +70,12 @@ struct Shoulder {
 const SHOULDERS: [Shoulder; 2] = [
     Shoulder {
         bone: 4,
-        joint: 2,
+        joint: R_SHOULDER,
         arm: 4,
     },
     Shoulder {
         bone: 8,
-        joint: 5,
+        joint: L_SHOULDER,
         arm: 7,
     },
 ];

@@ -4,7 +4,9 @@
 use glam::{DQuat, DVec3};
 
 use super::{ANGLES, Skeleton};
-use crate::joints::{BODY_JOINTS, PARENTS};
+use crate::joints::{
+    BODY_JOINTS, L_ANKLE, L_ELBOW, L_KNEE, L_WRIST, PARENTS, R_ANKLE, R_ELBOW, R_KNEE, R_WRIST,
+};
 
 /// An arm or a leg: a ball joint (three angles: about x, about z, about the bone) and a hinge about x.
 #[derive(Debug, Clone, Copy)]
@@ -17,12 +19,21 @@ pub struct Limb {
 
 /// Arms and legs.
 pub const LIMBS: [Limb; 4] = [
-    Limb { middle: 3, end: 4 },
-    Limb { middle: 6, end: 7 },
-    Limb { middle: 9, end: 10 },
     Limb {
-        middle: 12,
-        end: 13,
+        middle: R_ELBOW,
+        end: R_WRIST,
+    },
+    Limb {
+        middle: L_ELBOW,
+        end: L_WRIST,
+    },
+    Limb {
+        middle: R_KNEE,
+        end: R_ANKLE,
+    },
+    Limb {
+        middle: L_KNEE,
+        end: L_ANKLE,
     },
 ];
 

@@ -17,7 +17,9 @@ use serde::Deserialize;
 
 use self::girdle::Girdle;
 use crate::body::{BodyModel, Elimination};
-use crate::joints::{BODY_JOINTS, DOF, JOINT_NAMES, PARENTS, PELVIS, ROOT_FIRST};
+use crate::joints::{
+    BODY_JOINTS, DOF, HEAD_TOP, JOINT_NAMES, L_FOOT_TIP, PARENTS, PELVIS, R_FOOT_TIP, ROOT_FIRST,
+};
 
 /// Joint angles: all degrees of freedom but the six of the root.
 pub const ANGLES: usize = DOF - 6;
@@ -272,7 +274,7 @@ impl Skeleton {
             }
             y
         };
-        height(0) - 0.5 * (height(19) + height(20)) + SOLE_AND_SCALP
+        height(HEAD_TOP) - 0.5 * (height(R_FOOT_TIP) + height(L_FOOT_TIP)) + SOLE_AND_SCALP
     }
 
     /// Brings angles back to their limits.
@@ -354,6 +356,7 @@ impl BodyModel for Skeleton {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joints::{L_SHOULDER, NECK, R_ANKLE, R_SHOULDER};
 
     fn some_pose(seed: u64) -> Pose {
         let mut state = seed;
@@ -381,9 +384,12 @@ mod tests {
         let mut posed = Posed::default();
         s.pose(&Pose::facing_camera(3.0), s.lengths(), &mut posed);
         // Camera axes: y down, the person's left on the picture's right, the front towards the camera.
-        assert!(posed.joints[0].y < posed.joints[1].y && posed.joints[1].y < posed.joints[10].y);
-        assert!(posed.joints[5].x > 0.1 && posed.joints[2].x < -0.1);
-        assert!(posed.joints[19].z < posed.joints[10].z - 0.1);
+        assert!(
+            posed.joints[HEAD_TOP].y < posed.joints[NECK].y
+                && posed.joints[NECK].y < posed.joints[R_ANKLE].y
+        );
+        assert!(posed.joints[L_SHOULDER].x > 0.1 && posed.joints[R_SHOULDER].x < -0.1);
+        assert!(posed.joints[R_FOOT_TIP].z < posed.joints[R_ANKLE].z - 0.1);
     }
 
     #[test]

@@ -8,8 +8,8 @@ use crate::camera::calibration;
 use crate::camera::{Brown, CameraFile, DEFAULT_FOV, View};
 use crate::capture::Mounting;
 use crate::commands::exit::Failure;
-use crate::commands::multiview::told;
 use crate::commands::say;
+use crate::commands::views::told;
 use crate::message::Intrinsics;
 
 /// Lenses are one where focal lengths differ by less than this, as a share, …

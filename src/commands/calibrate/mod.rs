@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use self::lenses::Lenses;
 use super::apart::Apart;
 use super::exit::Failure;
-use super::multiview::{named as one_named, told};
 use super::say;
 use super::threads::ThreadsArgs;
+use super::views::{named as one_named, told};
 use crate::board::Board;
 use crate::camera::View;
 use crate::camera::calibration::{check, read_pose2sim, write_doubtful, write_measured};
@@ -48,7 +48,7 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "[CAMERA=]FILE")]
     pub lens: Vec<String>,
     /// Height of the tallest person of those who are seen at least half as long as the longest stay of anybody, visits
-    /// of one height together, metres: it gives the room its size
+    /// of one height together, metres: it gives the room its size [default: 1.7, where --distance is not given either]
     #[arg(long, value_name = "METRES", value_parser = stature)]
     pub stature: Option<f64>,
     /// Distance between two cameras, as in left,right=3.2; it gives the room its size, more exactly than a height

@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
+use rayon::prelude::*;
+
 use super::lenses::{Lenses, folded, is_usual};
 use super::{CalibrateArgs, ON_FLOOR, STATURES, report, write};
 use crate::calibrate::{CalibrateError, Room, ViewQuality, calibrate as find};
@@ -353,7 +355,11 @@ impl<'a> Search<'a> {
         for step in steps.into_iter().chain([1]) {
             loop {
                 let mut next: Option<(usize, i64, f64)> = None;
-                for (k, way) in movable.clone().flat_map(|k| [(k, step), (k, -step)]) {
+                let ways = movable.clone().flat_map(|k| [(k, step), (k, -step)]);
+                let ways: Vec<(usize, i64)> = ways.collect();
+                let around: Vec<_> = ways.iter().map(|(k, way)| moved(&best, *k, *way)).collect();
+                self.look(&around);
+                for (k, way) in ways {
                     let now = self.worth(&moved(&best, k, way));
                     if now > next.map_or(BETTER * most, |(_, _, worth)| worth) {
                         next = Some((k, way, now));
@@ -374,27 +380,45 @@ impl<'a> Search<'a> {
 
     /// How well rays meet where films started so many frames before the first one; 0 where that is not known.
     fn worth(&mut self, frames: &[i64]) -> f64 {
-        let frames: Vec<i64> = frames.iter().map(|f| f - frames[0]).collect();
-        if let Some((_, worth)) = self.tried.iter().find(|t| t.0 == frames) {
-            return *worth;
+        self.look(&[frames.to_vec()]);
+        let frames = since_first(frames);
+        let known = self.tried.iter().find(|t| t.0 == frames);
+        known.map_or(0.0, |t| t.1)
+    }
+
+    /// Looks at these times at once, as if at one after the other.
+    fn look(&mut self, times: &[Vec<i64>]) {
+        let mut new: Vec<Vec<i64>> = Vec::new();
+        for frames in times.iter().map(|frames| since_first(frames)) {
+            let seconds = |f: &i64| (*f as f64 / self.rate).abs();
+            let is_far = frames.iter().any(|f| seconds(f) > MOST_APART);
+            if !(is_far || self.tried.iter().any(|t| t.0 == frames) || new.contains(&frames)) {
+                new.push(frames);
+            }
         }
+        new.truncate(MOST_TRIED - self.tried.len());
+        let found: Vec<f64> = new.par_iter().map(|f| self.found_worth(f)).collect();
+        self.tried.extend(new.into_iter().zip(found));
+    }
+
+    /// How well rays meet by cameras that are found at this time; 0 where none are.
+    fn found_worth(&self, frames: &[i64]) -> f64 {
         let shifts: Vec<f64> = frames.iter().map(|f| *f as f64 / self.rate).collect();
-        let is_far = shifts.iter().any(|seconds| seconds.abs() > MOST_APART);
-        if is_far || self.tried.len() >= MOST_TRIED {
-            return 0.0;
-        }
         let common = by_times(self.seen.clone(), &shifts, OTHERWISE, &mut Vec::new());
         let found = common.ok().map(|common| {
             let common = common.thinned(self.stride);
             Found::new(self.lenses, common, self.stature)
         });
-        let worth = match found {
+        match found {
             Some(Ok(found)) => found.worth(),
             _ => 0.0,
-        };
-        self.tried.push((frames, worth));
-        worth
+        }
     }
+}
+
+/// The same time by how many frames films started before the first one.
+fn since_first(frames: &[i64]) -> Vec<i64> {
+    frames.iter().map(|f| f - frames[0]).collect()
 }
 
 /// What every view saw, instant by instant.

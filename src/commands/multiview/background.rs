@@ -8,12 +8,13 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use rayon::prelude::*;
 
 use super::masks::{MaskFolder, expect_in_step};
-use super::read::{Scene, names, told};
+use super::read::Scene;
 use super::store::Store;
 use crate::camera::View;
 use crate::capture::{Frame, InputSpec, OpenOptions, Source, open};
 use crate::commands::exit::Failure;
 use crate::commands::progress;
+use crate::commands::views::{names, told};
 use crate::multiview::{Background, Detections, Figure, Small, UNKNOWN, mask, squares};
 
 /// Pictures of a film from which its background is learned, at most.

@@ -5,8 +5,8 @@ use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use super::read::told;
 use super::{BACKGROUND, MultiviewArgs};
+use crate::commands::views::told;
 
 /// Folders in folders that are looked at: masks lie in one folder a camera.
 const DEEPEST: usize = 2;

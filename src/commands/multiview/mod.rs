@@ -10,11 +10,7 @@ mod store;
 mod sync;
 mod write;
 
-pub(super) use read::{expect_few, named, told};
-
 use std::path::PathBuf;
-
-pub(super) use read::{names, no_such_camera, pictured};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use self::masks::MaskFolder;
@@ -27,12 +23,15 @@ use super::export::Exports;
 use super::progress;
 use super::say;
 use super::threads::ThreadsArgs;
+use super::views::told;
 use crate::body::mesh::MeshBody;
 use crate::bounded;
 use crate::camera::{View, calibration};
+use crate::joints::{L_HIP, NECK, R_HIP};
 use crate::multiview::{
     Detections, Masks, MultiviewOptions, Run, Step, fit, fit_tracks, matched, report,
 };
+pub(super) use read::expect_few;
 
 /// The word for masks from films.
 const BACKGROUND: &str = "background";
@@ -278,7 +277,7 @@ fn farthest(views: &[View]) -> f64 {
 }
 
 /// Neck and hips: of somebody new they have to be known in space.
-const TRUNK: [usize; 3] = [1, 8, 11];
+const TRUNK: [usize; 3] = [NECK, R_HIP, L_HIP];
 
 /// Whether two of the `used` views see somebody in the same frame, and never every joint of a trunk, whoever's it is.
 fn lacks_trunks(frames: &[Vec<Detections>], used: &[bool]) -> bool {

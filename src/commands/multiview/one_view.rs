@@ -4,14 +4,15 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::MultiviewArgs;
 use super::Sync;
-use super::read::{Films, Scene, named, no_such_camera, pictured, told};
+use super::read::{Films, Scene};
 use super::store::Store;
 use super::sync::{OTHERWISE, no_times, on_machine_clock};
 use crate::camera::{Brown, View, calibration};
 use crate::commands::common_time::{Common, by_number, by_times};
 use crate::commands::exit::Failure;
-use crate::commands::fit::settings::fitter;
+use crate::commands::fit_settings::fitter;
 use crate::commands::view_file::{ViewFile, in_part, is_film};
+use crate::commands::views::{named, no_such_camera, pictured, told};
 use crate::multiview::{Detections, Sight, Track, one_view, stage_three, to_view};
 
 /// Reads the view, and finds everyone in it.

@@ -12,6 +12,7 @@ use crate::commands::common_time::Common;
 use crate::commands::exit::Failure;
 use crate::commands::say;
 use crate::commands::view_file::{Looked, ViewFile, in_part, is_film};
+use crate::commands::views::{names, no_such_camera, pictured, told};
 use crate::message::Intrinsics;
 use crate::multiview::{Agreement, Detections, MOST_VIEWS, Sight, agreement, to_view};
 use crate::record::CameraSource;
@@ -305,39 +306,6 @@ impl Films {
     }
 }
 
-/// What the calibration calls its cameras.
-pub fn names(views: &[View]) -> String {
-    views
-        .iter()
-        .map(|v| v.name.as_str())
-        .collect::<Vec<_>>()
-        .join(", ")
-}
-
-/// What is said of a camera that is not among these. `place`: whose they are, such as "of Calib.toml".
-pub fn no_such_camera(views: &[View], place: &str, name: &str) -> String {
-    let all = names(views);
-    format!("expected one of the cameras {all} {place}, found {name}")
-}
-
-/// Camera and file of `CAMERA=FILE`.
-pub fn told(text: &str) -> Option<(&str, &str)> {
-    let told = text.split_once('=');
-    told.filter(|(name, _)| !Path::new(text).exists() && !name.contains('/'))
-}
-
-/// Camera and file: as told, or called like the file.
-pub fn named(text: &str) -> (String, PathBuf) {
-    match told(text) {
-        Some((name, file)) => (name.to_owned(), file.into()),
-        None => {
-            let path = PathBuf::from(text);
-            let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned());
-            (stem.unwrap_or_default(), path)
-        }
-    }
-}
-
 /// The camera of every file, in the calibration's order.
 fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBuf)>> {
     let camera = |name: &str| views.iter().position(|v| v.name == name);
@@ -409,27 +377,6 @@ fn assign(given: &[String], views: &[View]) -> anyhow::Result<Vec<(usize, PathBu
         }
     }
     Ok(files)
-}
-
-/// The camera as its pictures show it; `source` is where they come from.
-///
-/// # Errors
-/// Pictures of a size that it is not calibrated for.
-pub fn pictured(view: &View, size: [u32; 2], source: &str) -> anyhow::Result<View> {
-    view.for_pictures(size).ok_or_else(|| {
-        let ([w, h], [found_w, found_h]) = (view.likely_size(), size);
-        let about = if view.size == [0; 2] { "about " } else { "" };
-        let turned = if view.for_pictures([found_h, found_w]).is_some() {
-            ", turned by 90 degrees; turn pictures or calibration"
-        } else {
-            "; calibrate with pictures of this size"
-        };
-        Failure::data(format!(
-            "{source}: expected pictures of {about}{w}x{h} pixels as camera {} is calibrated for, found {found_w}x{found_h}{turned}",
-            view.name
-        ))
-        .into()
-    })
 }
 
 #[cfg(test)]

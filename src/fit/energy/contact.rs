@@ -2,14 +2,12 @@
 
 use glam::DVec3;
 
-use super::Contact;
+use super::standing::Contact;
 use crate::body::skeleton::{Posed, Skeleton};
 use crate::fit::config::TermsConfig;
-use crate::joints::{BODY_JOINTS, DOF, PELVIS};
+use crate::joints::{ANKLES, BODY_JOINTS, DOF, PELVIS};
 use crate::message::JointState;
 
-/// The standing joints.
-pub const ANKLES: [usize; 2] = [10, 13];
 /// A foot slower than this (m/s, across the ray from the camera) may stand …
 const STANDS: f64 = 0.35;
 /// … and one faster than this does not.

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::reprojection::rows;
 use crate::body::BodyModel;
 use crate::body::skeleton::{Posed, Skeleton};
 use crate::joints::DOF;
@@ -21,6 +22,7 @@ pub struct Quadratic {
 }
 
 impl Quadratic {
+    /// A residual of all three coordinates alike.
     pub fn add_point(&mut self, weight: f64, residual: DVec3) {
         self.xx += weight;
         self.yy += weight;
@@ -28,10 +30,10 @@ impl Quadratic {
         self.pull += residual * weight;
     }
 
+    /// A residual of a projection on to the plane z = 1 of whoever looks along z from the origin, at a distance of
+    /// `depth` metres; `p`: the point.
     pub fn add_projection(&mut self, weight: f64, residual: DVec2, p: DVec3, depth: f64) {
-        let s = depth / p.z;
-        let u = DVec3::new(s, 0.0, -s * p.x / p.z);
-        let v = DVec3::new(0.0, s, -s * p.y / p.z);
+        let [u, v] = rows(p, depth);
         self.xx += weight * u.x * u.x;
         self.xz += weight * u.x * u.z;
         self.yy += weight * v.y * v.y;
@@ -52,6 +54,7 @@ impl Quadratic {
         self.pull += pulled * residual;
     }
 
+    /// Of both.
     pub fn plus(&self, other: &Self) -> Self {
         Self {
             xx: self.xx + other.xx,
@@ -64,6 +67,7 @@ impl Quadratic {
         }
     }
 
+    /// Matrix times vector.
     pub fn apply(&self, v: DVec3) -> DVec3 {
         DVec3::new(
             self.xx * v.x + self.xy * v.y + self.xz * v.z,
@@ -72,6 +76,7 @@ impl Quadratic {
         )
     }
 
+    /// Whether nothing is known.
     pub fn is_zero(&self) -> bool {
         self.xx == 0.0 && self.yy == 0.0 && self.zz == 0.0
     }

@@ -9,12 +9,10 @@ use glam::DVec3;
 
 use super::Evidence;
 use crate::body::skeleton::Posed;
-use crate::joints::PELVIS;
+use crate::joints::{ANKLES, ELBOWS, FOOT_TIPS, HANDS, HIPS, KNEES, PELVIS, SHOULDERS, WRISTS};
 
-const ARMS: [(usize, usize); 3] = [(2, 5), (3, 6), (4, 7)];
-const LEGS: [(usize, usize); 3] = [(8, 11), (9, 12), (10, 13)];
-const HANDS: (usize, usize) = (17, 18);
-const FEET: (usize, usize) = (19, 20);
+const ARMS: [[usize; 2]; 3] = [SHOULDERS, ELBOWS, WRISTS];
+const LEGS: [[usize; 2]; 3] = [HIPS, KNEES, ANKLES];
 /// Seconds after which a lasting exchange is taken for the truth: then the prediction was wrong.
 const PATIENCE: f64 = 0.5;
 
@@ -88,12 +86,12 @@ impl SwapMemory {
         let exchanged = self.decide(&off, dt);
         for (g, pairs) in [ARMS, LEGS].iter().enumerate() {
             if exchanged[g] {
-                for &(r, l) in pairs {
+                for &[r, l] in pairs {
                     evidence.plane.swap(r, l);
                     evidence.confidence.swap(r, l);
                 }
             }
-            for &(r, l) in pairs.iter().chain([[HANDS], [FEET]][g].iter()) {
+            for &[r, l] in pairs.iter().chain([[HANDS], [FOOT_TIPS]][g].iter()) {
                 if evidence.known3d && exchanged[g] != exchanged[2 + g] {
                     for j in [r, l] {
                         evidence.points3d[j] = predicted.joints[j] - predicted.joints[PELVIS];
@@ -181,7 +179,7 @@ fn likelihood(state: usize, off: &[[f64; 2]; KINDS]) -> f64 {
 }
 
 /// By how much joints are off in the picture as seen, and exchanged: a sum, metres at the person's distance.
-fn off_in_picture(e: &Evidence, predicted: &Posed, pairs: &[(usize, usize)]) -> [f64; 2] {
+fn off_in_picture(e: &Evidence, predicted: &Posed, pairs: &[[usize; 2]]) -> [f64; 2] {
     let depth = predicted.joints[PELVIS].z;
     let mut sums = [0.0; 2];
     for (seen, this, other) in both_ways(pairs) {
@@ -196,7 +194,7 @@ fn off_in_picture(e: &Evidence, predicted: &Posed, pairs: &[(usize, usize)]) -> 
 }
 
 /// The same in space, metres.
-fn off_in_space(e: &Evidence, predicted: &Posed, pairs: &[(usize, usize)]) -> [f64; 2] {
+fn off_in_space(e: &Evidence, predicted: &Posed, pairs: &[[usize; 2]]) -> [f64; 2] {
     let root = predicted.joints[PELVIS];
     let mut sums = [0.0; 2];
     for (seen, this, other) in both_ways(pairs) {
@@ -208,8 +206,8 @@ fn off_in_space(e: &Evidence, predicted: &Posed, pairs: &[(usize, usize)]) -> [f
 }
 
 /// A joint that is seen, which one it is, and which one if sides are exchanged.
-fn both_ways(pairs: &[(usize, usize)]) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-    pairs.iter().flat_map(|&(r, l)| [(r, r, l), (l, l, r)])
+fn both_ways(pairs: &[[usize; 2]]) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+    pairs.iter().flat_map(|&[r, l]| [(r, r, l), (l, l, r)])
 }
 
 #[cfg(test)]

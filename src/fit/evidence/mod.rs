@@ -15,13 +15,15 @@ use glam::{DQuat, DVec2, DVec3};
 
 use crate::body::skeleton::Posed;
 use crate::camera::translation::DEPTHS;
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, MIRROR_BODY, PELVIS};
+use crate::joints::{
+    BODY_JOINTS, EVIDENCE_JOINTS, HIPS, L_KNEE, MIRROR_BODY, NECK, PELVIS, R_KNEE, SHOULDERS,
+};
 use crate::message::{Intrinsics, Observation};
 
 /// Farthest a joint can be from the pelvis, metres at canonical stature.
 const REACH: f64 = 1.6;
 /// Hips and shoulders, right and left.
-const TRUNK: [(usize, usize); 2] = [(8, 11), (2, 5)];
+const TRUNK: [[usize; 2]; 2] = [HIPS, SHOULDERS];
 /// Cosine of the turn, 120°, from which somebody shows the other side.
 const TURNED: f64 = -0.5;
 
@@ -81,7 +83,10 @@ impl Evidence {
         }
         if evidence.known3d {
             let p = &evidence.points3d;
-            let spread = p[1].length().max(p[9].length()).max(p[12].length());
+            let spread = p[NECK]
+                .length()
+                .max(p[R_KNEE].length())
+                .max(p[L_KNEE].length());
             evidence.known3d = spread > 0.1;
         }
         if !evidence.known3d {
@@ -147,7 +152,7 @@ impl Evidence {
 
     /// Whether hips and shoulders in 3D both point the other way than those of a posed skeleton.
     pub fn is_turned_from(&self, posed: &Posed) -> bool {
-        TRUNK.iter().all(|&(r, l)| {
+        TRUNK.iter().all(|&[r, l]| {
             let seen = (self.points3d[l] - self.points3d[r]).normalize_or_zero();
             let expected = (posed.joints[l] - posed.joints[r]).normalize_or_zero();
             seen.dot(expected) < TURNED
@@ -169,6 +174,7 @@ impl Evidence {
 mod tests {
     use super::*;
     use crate::body::skeleton::{Pose, Skeleton};
+    use crate::joints::{L_ELBOW, L_SHOULDER, L_WRIST, R_ANKLE, R_ELBOW, R_WRIST};
 
     fn exact(position: DVec3) -> (Observation, Intrinsics, Posed) {
         let camera = Intrinsics::from_horizontal_fov(1280, 720, 70.0);
@@ -199,7 +205,7 @@ mod tests {
             assert!((evidence.root.unwrap() - position).length() < 1e-3);
             assert!(evidence.distance2d(&posed, 1.0).unwrap() < 1e-4);
             // One joint far off hardly matters.
-            seen.joints2d[10][0] += 300.0;
+            seen.joints2d[R_ANKLE][0] += 300.0;
             let evidence = Evidence::new(&seen, &camera, 0.05).unwrap();
             let error = (evidence.root.unwrap() - position).length();
             assert!(error < 0.12 * position.z, "{error}");
@@ -210,14 +216,14 @@ mod tests {
     fn nonsense_is_left_out() {
         let (good, camera, _) = exact(DVec3::new(0.0, 0.0, 3.0));
         let mut seen = good;
-        seen.joints2d[3] = [f32::NAN, 0.0, 1.0];
-        seen.joints2d[4] = [f32::INFINITY, 0.0, 1.0];
-        seen.joints2d[6][2] = f32::NAN;
-        seen.joints2d[7][2] = 0.01;
+        seen.joints2d[R_ELBOW] = [f32::NAN, 0.0, 1.0];
+        seen.joints2d[R_WRIST] = [f32::INFINITY, 0.0, 1.0];
+        seen.joints2d[L_ELBOW][2] = f32::NAN;
+        seen.joints2d[L_WRIST][2] = 0.01;
         let evidence = Evidence::new(&seen, &camera, 0.05).unwrap();
         assert_eq!(evidence.joints_seen(), 10);
         let mut seen = good;
-        seen.joints3d[5] = [f32::NAN; 3];
+        seen.joints3d[L_SHOULDER] = [f32::NAN; 3];
         assert!(!Evidence::new(&seen, &camera, 0.05).unwrap().known3d);
         let mut seen = good;
         seen.joints3d = [[0.0; 3]; BODY_JOINTS];

@@ -11,21 +11,34 @@ use glam::DVec3;
 
 use super::Evidence;
 use crate::camera::translation::{self, DEPTHS, least_squares};
-use crate::joints::EVIDENCE_JOINTS;
+use crate::joints::{
+    EVIDENCE_JOINTS, HEAD_TOP, L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_SHOULDER, L_WRIST, NECK, R_ANKLE,
+    R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
+};
 
 /// Fewest joints from which a person's distance can be told.
 const MIN_JOINTS: usize = 4;
 /// Joint sets that are asked for a root: everything, trunk, head and shoulders, upper body, arms, sides, legs.
 const CHAINS: [&[usize]; 8] = [
-    &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13],
-    &[1, 2, 5, 8, 11],
-    &[0, 1, 2, 5],
-    &[0, 1, 2, 3, 4, 5, 6, 7],
-    &[2, 3, 4, 5, 6, 7],
-    &[0, 1, 2, 3, 4, 8, 9, 10],
-    &[0, 1, 5, 6, 7, 11, 12, 13],
-    &[8, 9, 10, 11, 12, 13],
+    &[
+        HEAD_TOP, NECK, R_SHOULDER, R_ELBOW, R_WRIST, L_SHOULDER, L_ELBOW, L_WRIST, R_HIP, R_KNEE,
+        R_ANKLE, L_HIP, L_KNEE, L_ANKLE,
+    ],
+    &[NECK, R_SHOULDER, L_SHOULDER, R_HIP, L_HIP],
+    &HEAD_AND_SHOULDERS,
+    &[
+        HEAD_TOP, NECK, R_SHOULDER, R_ELBOW, R_WRIST, L_SHOULDER, L_ELBOW, L_WRIST,
+    ],
+    &[R_SHOULDER, R_ELBOW, R_WRIST, L_SHOULDER, L_ELBOW, L_WRIST],
+    &[
+        HEAD_TOP, NECK, R_SHOULDER, R_ELBOW, R_WRIST, R_HIP, R_KNEE, R_ANKLE,
+    ],
+    &[
+        HEAD_TOP, NECK, L_SHOULDER, L_ELBOW, L_WRIST, L_HIP, L_KNEE, L_ANKLE,
+    ],
+    &[R_HIP, R_KNEE, R_ANKLE, L_HIP, L_KNEE, L_ANKLE],
 ];
+const HEAD_AND_SHOULDERS: [usize; 4] = [HEAD_TOP, NECK, R_SHOULDER, L_SHOULDER];
 /// What a joint's agreement is worth: trunk and head are seldom invented, limbs often.
 const WORTH: [f64; EVIDENCE_JOINTS] = [
     1.0, 1.5, 1.5, 0.7, 0.5, 1.5, 0.7, 0.5, 1.0, 0.7, 0.5, 1.0, 0.7, 0.5,
@@ -94,7 +107,7 @@ pub fn disagreement(evidence: &Evidence, root: DVec3, joint: usize) -> f64 {
 /// The root at a given distance, from head, neck and shoulders.
 fn at_depth(e: &Evidence, depth: f64) -> Option<DVec3> {
     let mut weights = [0.0; EVIDENCE_JOINTS];
-    for j in [0, 1, 2, 5] {
+    for j in HEAD_AND_SHOULDERS {
         weights[j] = e.confidence[j];
     }
     translation::at_depth(&e.plane, &e.points3d[..EVIDENCE_JOINTS], &weights, depth)

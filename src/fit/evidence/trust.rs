@@ -8,20 +8,23 @@
 
 use super::Evidence;
 use super::root::disagreement;
-use crate::joints::EVIDENCE_JOINTS;
+use crate::joints::{
+    EVIDENCE_JOINTS, L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_WRIST, R_ANKLE, R_ELBOW, R_HIP, R_KNEE,
+    R_WRIST,
+};
 
 /// Joints that may be doubted, each after the one it hangs on, and that one.
 const DOUBTABLE: [(usize, Option<usize>); 10] = [
-    (3, None),
-    (4, Some(3)),
-    (6, None),
-    (7, Some(6)),
-    (8, None),
-    (9, Some(8)),
-    (10, Some(9)),
-    (11, None),
-    (12, Some(11)),
-    (13, Some(12)),
+    (R_ELBOW, None),
+    (R_WRIST, Some(R_ELBOW)),
+    (L_ELBOW, None),
+    (L_WRIST, Some(L_ELBOW)),
+    (R_HIP, None),
+    (R_KNEE, Some(R_HIP)),
+    (R_ANKLE, Some(R_KNEE)),
+    (L_HIP, None),
+    (L_KNEE, Some(L_HIP)),
+    (L_ANKLE, Some(L_KNEE)),
 ];
 /// Disagreement, metres at the person's distance, above which a joint is not believed …
 const DOUBTED: f64 = 0.22;
@@ -85,6 +88,7 @@ impl Trust {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joints::{ANKLES, HEAD_TOP, L_SHOULDER, NECK, R_SHOULDER};
     use glam::{DVec2, DVec3};
 
     /// Somebody of whom every joint lies 3 m away on the axis, but for `wrong`, off by half a metre.
@@ -119,23 +123,23 @@ mod tests {
     #[test]
     fn doubt_reaches_outwards_and_lasts_as_long_as_the_contradiction_did() {
         let mut trust = Trust::default();
-        assert_eq!(left_out(&mut trust, &[9]), [9, 10]);
+        assert_eq!(left_out(&mut trust, &[R_KNEE]), [R_KNEE, R_ANKLE]);
         // One bad frame is forgotten at the next good one.
         assert_eq!(left_out(&mut trust, &[]), [] as [usize; 0]);
         for _ in 0..40 {
-            assert_eq!(left_out(&mut trust, &[4]), [4]);
+            assert_eq!(left_out(&mut trust, &[R_WRIST]), [R_WRIST]);
         }
         let frames = (0..40)
             .take_while(|_| !left_out(&mut trust, &[]).is_empty())
             .count();
         assert!((8..=10).contains(&frames), "{frames}");
         // Head, neck and shoulders are what the rest is judged by.
-        assert!(left_out(&mut trust, &[0, 1, 2, 5]).is_empty());
+        assert!(left_out(&mut trust, &[HEAD_TOP, NECK, R_SHOULDER, L_SHOULDER]).is_empty());
         // From the first sight on a contradiction is doubted in full.
-        let mut e = evidence(&[10, 13]);
+        let mut e = evidence(&ANKLES);
         let mut trust = Trust::first(&mut e);
-        assert_eq!((e.confidence[10], e.confidence[13]), (0.0, 0.0));
-        assert!(left_out(&mut trust, &[]) == [10, 13]);
+        assert_eq!(ANKLES.map(|j| e.confidence[j]), [0.0; 2]);
+        assert!(left_out(&mut trust, &[]) == ANKLES);
     }
 
     #[test]
@@ -148,7 +152,10 @@ mod tests {
         ] {
             let mut trust = Trust::default();
             for _ in 0..10 {
-                assert_eq!(left_out_after(&mut trust, &[9], bad), [9, 10]);
+                assert_eq!(
+                    left_out_after(&mut trust, &[R_KNEE], bad),
+                    [R_KNEE, R_ANKLE]
+                );
                 assert!(left_out_after(&mut trust, &[], good).is_empty());
             }
         }

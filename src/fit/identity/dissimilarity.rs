@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use super::appearance::Appearance;
 use crate::body::skeleton::Posed;
 use crate::camera::translation::DEPTHS;
+use crate::fit::appearance::Appearance;
 use crate::fit::config::IdentityConfig;
 use crate::fit::evidence::Evidence;
 use crate::fit::track::Track;

@@ -11,13 +11,22 @@ use std::f64::consts::PI;
 use glam::{DQuat, DVec3};
 
 use crate::fit::evidence::{Evidence, disagreement};
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, NECK, PELVIS};
+use crate::joints::{
+    BODY_JOINTS, EVIDENCE_JOINTS, HEAD_TOP, L_ANKLE, L_ELBOW, L_FOOT_TIP, L_HIP, L_KNEE,
+    L_SHOULDER, L_WRIST, NECK, PELVIS, R_ANKLE, R_ELBOW, R_FOOT_TIP, R_HIP, R_KNEE, R_SHOULDER,
+    R_WRIST,
+};
 
-const HEAD_TOP: usize = 0;
 /// Shoulder, elbow and wrist of each side.
-const ARMS: [[usize; 3]; 2] = [[2, 3, 4], [5, 6, 7]];
+const ARMS: [[usize; 3]; 2] = [
+    [R_SHOULDER, R_ELBOW, R_WRIST],
+    [L_SHOULDER, L_ELBOW, L_WRIST],
+];
 /// Hip, knee, ankle and toes of each side.
-const LEGS: [[usize; 4]; 2] = [[8, 9, 10, 19], [11, 12, 13, 20]];
+const LEGS: [[usize; 4]; 2] = [
+    [R_HIP, R_KNEE, R_ANKLE, R_FOOT_TIP],
+    [L_HIP, L_KNEE, L_ANKLE, L_FOOT_TIP],
+];
 /// Where between ankle and toes somebody who stands puts their weight.
 const UNDER: f64 = 0.4;
 /// Greatest angle between trunk and thigh, and between thigh and shank, of a leg that somebody stands on.
@@ -178,7 +187,7 @@ fn support(p: &[DVec3; BODY_JOINTS]) -> DVec3 {
 
 /// Centre of mass by segments (Winter 2009, Biomechanics and Motor Control of Human Movement, table 4.1).
 fn centre_of_mass(p: &[DVec3; BODY_JOINTS]) -> DVec3 {
-    let hips = p[LEGS[0][0]].midpoint(p[LEGS[1][0]]);
+    let hips = p[R_HIP].midpoint(p[L_HIP]);
     let mut sum = 0.081 * p[NECK].lerp(p[HEAD_TOP], 0.6) + 0.497 * p[NECK].midpoint(hips);
     for [shoulder, elbow, wrist] in ARMS {
         sum += 0.028 * p[shoulder].lerp(p[elbow], 0.436);
@@ -198,10 +207,10 @@ mod tests {
     use crate::message::{Intrinsics, Observation};
 
     /// Of the angles after the root's six.
-    const R_HIP: usize = 13;
-    const R_KNEE: usize = 16;
-    const L_HIP: usize = 18;
-    const L_KNEE: usize = 21;
+    const R_HIP_FLEXION: usize = 13;
+    const R_KNEE_FLEXION: usize = 16;
+    const L_HIP_FLEXION: usize = 18;
+    const L_KNEE_FLEXION: usize = 21;
 
     /// Up before a camera that looks down by so many degrees.
     fn up(pitch: f64) -> DVec3 {
@@ -291,10 +300,10 @@ mod tests {
         let bent = |hips: f64, knees: f64| {
             somebody(up, 0.3, 0.5, 10.0, move |pose| {
                 for (joint, angle) in [
-                    (R_HIP, hips),
-                    (L_HIP, hips),
-                    (R_KNEE, knees),
-                    (L_KNEE, knees),
+                    (R_HIP_FLEXION, hips),
+                    (L_HIP_FLEXION, hips),
+                    (R_KNEE_FLEXION, knees),
+                    (L_KNEE_FLEXION, knees),
                 ] {
                     pose.angles[joint] = angle;
                 }
@@ -317,7 +326,7 @@ mod tests {
             assert_eq!(lean(&other, up), None);
         }
         let mut unseen = upright;
-        unseen.confidence[LEGS[0][2]] = 0.0;
+        unseen.confidence[R_ANKLE] = 0.0;
         assert_eq!(lean(&unseen, up), None, "feet that nobody saw");
     }
 

@@ -7,7 +7,7 @@
 use super::floor_plane::FloorPlane;
 use crate::body::skeleton::{ANKLE_HEIGHT, Posed};
 use crate::fit::config::FitConfig;
-use crate::joints::{BODY_JOINTS, CANONICAL_STATURE};
+use crate::joints::{ANKLES, BODY_JOINTS, CANONICAL_STATURE};
 use crate::message::JointState;
 
 /// Statures that are believed, metres: from the least that the settings take, to a little more than anybody has. Who
@@ -91,7 +91,7 @@ impl Stature {
         let Some(ground) = config.ground.as_ref().and_then(FloorPlane::from_config) else {
             return;
         };
-        let stature = [10, 13]
+        let stature = ANKLES
             .into_iter()
             .filter(|&ankle| states[ankle] == JointState::OBSERVED)
             .map(|ankle| {
@@ -122,6 +122,7 @@ mod tests {
     use super::*;
     use crate::body::skeleton::{Pose, Skeleton};
     use crate::fit::config::GroundConfig;
+    use crate::joints::R_ANKLE;
 
     const CAMERA_HEIGHT: f64 = 1.4;
 
@@ -142,7 +143,7 @@ mod tests {
         let mut pose = Pose::facing_camera(3.0);
         let mut posed = Posed::default();
         s.pose(&pose, s.lengths(), &mut posed);
-        let low = posed.joints[10].y;
+        let low = posed.joints[R_ANKLE].y;
         // Somebody who seems to be 1.60 m tall in the first fifth of the seconds and 1.80 m from then on.
         let mut taken_for = |fps: f64, seconds: f64| {
             let mut stature = Stature::default();
@@ -178,7 +179,7 @@ mod tests {
         let mut pose = Pose::facing_camera(3.0);
         let mut posed = Posed::default();
         s.pose(&pose, s.lengths(), &mut posed);
-        let low = posed.joints[10].y;
+        let low = posed.joints[R_ANKLE].y;
         for fps in [60.0, 30.0, 10.0] {
             let mut stature = Stature::default();
             let mut stands = |seconds: f64, above: f64| {
@@ -213,7 +214,7 @@ mod tests {
             let mut pose = Pose::facing_camera(3.0 + 0.01 * f64::from(i));
             s.pose(&pose, s.lengths(), &mut posed);
             // Stand it on the floor in true metres, then look at it at canonical stature.
-            let low = posed.joints[10].y;
+            let low = posed.joints[R_ANKLE].y;
             let jump = if i % 50 > 45 { 0.2 } else { 0.0 };
             pose.position.y += (CAMERA_HEIGHT - jump) / scale - ANKLE_HEIGHT - low;
             s.pose(&pose, s.lengths(), &mut posed);
@@ -232,7 +233,8 @@ mod tests {
         for (truth, taken_for) in [(0.78, 0.78), (0.3, 1.70)] {
             let mut pose = Pose::facing_camera(6.0);
             s.pose(&pose, s.lengths(), &mut posed);
-            pose.position.y += CAMERA_HEIGHT * 1.70 / truth - ANKLE_HEIGHT - posed.joints[10].y;
+            pose.position.y +=
+                CAMERA_HEIGHT * 1.70 / truth - ANKLE_HEIGHT - posed.joints[R_ANKLE].y;
             s.pose(&pose, s.lengths(), &mut posed);
             let mut stature = Stature::default();
             stature.first(&config, &posed, &seen);

@@ -1,9 +1,13 @@
 //! In: Stage II's joints and the fitted bone directions, frame by frame. Out: the person's bone lengths. XNect §5.2.
+//!
+//! One view does not tell how large somebody is: lengths are those at canonical stature. What several views see in
+//! metres `multiview/live/build.rs` takes in.
 
 use glam::DVec3;
 
+use super::running_mean::{RunningMean, look_of_its_own};
 use crate::body::skeleton::{BoneLengths, Posed, Skeleton};
-use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, PARENTS, PELVIS};
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, MIRRORED, MIRRORED_EVIDENCE, PARENTS, PELVIS};
 
 /// Errors last about this long, seconds, so that looks that come faster count for less.
 const CORRELATED: f64 = 0.2;
@@ -21,24 +25,12 @@ const MOST: f64 = 0.2;
 /// A frame's length farther from the estimate than this share (plus 5 cm) is an outlier.
 const OUTLIER: f64 = 0.35;
 
-/// Bones whose left and right lengths are taken as equal: (right, left).
-const PAIRS: [(usize, usize); 8] = [
-    (2, 5),
-    (3, 6),
-    (4, 7),
-    (8, 11),
-    (9, 12),
-    (10, 13),
-    (17, 18),
-    (19, 20),
-];
-
 /// Running estimate of one person's bone lengths at canonical stature.
 #[derive(Debug, Clone)]
 pub struct Bones {
-    mean: BoneLengths,
-    /// Looks of their own behind each mean, and those at the person.
-    looks: [f64; BODY_JOINTS],
+    /// Length of every bone, metres.
+    measured: [RunningMean; BODY_JOINTS],
+    /// Looks of their own at the person.
     seen: f64,
     lengths: BoneLengths,
 }
@@ -47,8 +39,7 @@ impl Bones {
     /// The average person.
     pub fn new(skeleton: &Skeleton) -> Self {
         Self {
-            mean: *skeleton.lengths(),
-            looks: [0.0; BODY_JOINTS],
+            measured: skeleton.lengths().map(RunningMean::expecting),
             seen: 0.0,
             lengths: *skeleton.lengths(),
         }
@@ -68,17 +59,16 @@ impl Bones {
         posed: &Posed,
         dt: f64,
     ) {
-        let look = (dt / CORRELATED).min(1.0);
+        let look = look_of_its_own(dt, CORRELATED);
         self.seen += look;
         for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
             let fitted = posed.joints[j] - posed.joints[PARENTS[j]];
             let length = (points[j] - points[PARENTS[j]]).dot(fitted.normalize_or_zero());
-            let expected = self.mean[j];
+            let expected = self.measured[j].mean;
             if (length - expected).abs() > OUTLIER * expected + 0.05 {
                 continue;
             }
-            self.looks[j] = (self.looks[j] + look).min(MEMORY);
-            self.mean[j] += (length - expected) * look / self.looks[j];
+            self.measured[j].add(length, look, MEMORY);
         }
         if self.seen >= FIRST {
             self.settle(skeleton);
@@ -91,10 +81,9 @@ impl Bones {
         let mut lengths = *average;
         for j in (0..BODY_JOINTS).filter(|&j| j != PELVIS) {
             let prior = (PRIOR_SPREAD * average[j]).powi(-2);
-            let seen = self.looks[j] / (FRAME_ERROR * FRAME_ERROR);
-            lengths[j] = (prior * average[j] + seen * self.mean[j]) / (prior + seen);
+            lengths[j] = self.measured[j].beside(average[j], prior, FRAME_ERROR * FRAME_ERROR);
         }
-        for (r, l) in PAIRS {
+        for [r, l] in MIRRORED {
             let both = 0.5 * (lengths[r] + lengths[l]);
             lengths[r] = both;
             lengths[l] = both;
@@ -111,11 +100,11 @@ impl Bones {
         if self.seen < FIRST || other.seen < FIRST {
             return None;
         }
-        let sum: f64 = PAIRS[..6]
+        let sum: f64 = MIRRORED[..MIRRORED_EVIDENCE]
             .iter()
-            .map(|&(r, _)| (self.lengths[r] / other.lengths[r]).ln().abs())
+            .map(|&[r, _]| (self.lengths[r] / other.lengths[r]).ln().abs())
             .sum();
-        Some(sum / 6.0)
+        Some(sum / MIRRORED_EVIDENCE as f64)
     }
 }
 
@@ -123,13 +112,14 @@ impl Bones {
 mod tests {
     use super::*;
     use crate::body::skeleton::Pose;
+    use crate::joints::{ANKLES, KNEES, R_ANKLE, R_KNEE};
 
     /// How long a thigh a tenth longer than average is taken for, as a share of what it is longer by, after `seconds`
     /// at a rate.
     fn learned(fps: f64, seconds: f64) -> f64 {
         let s = Skeleton::builtin();
         let mut truth = *s.lengths();
-        for j in [9, 12] {
+        for j in KNEES {
             truth[j] *= 1.1;
         }
         let mut posed = Posed::default();
@@ -140,7 +130,9 @@ mod tests {
             bones.update(s, &points, &posed, 1.0 / fps);
         }
         // Beside the shank: the whole is kept at canonical stature.
-        let longer = |l: &BoneLengths| (l[9] / l[10]) / (s.lengths()[9] / s.lengths()[10]) - 1.0;
+        let longer = |l: &BoneLengths| {
+            (l[R_KNEE] / l[R_ANKLE]) / (s.lengths()[R_KNEE] / s.lengths()[R_ANKLE]) - 1.0
+        };
         longer(bones.lengths()) / longer(&truth)
     }
 
@@ -167,7 +159,7 @@ mod tests {
     fn proportions_are_learned_and_outliers_are_not() {
         let s = Skeleton::builtin();
         let mut truth = *s.lengths();
-        for (r, l) in [(9, 12), (10, 13)] {
+        for [r, l] in [KNEES, ANKLES] {
             truth[r] *= 1.08;
             truth[l] *= 1.08;
         }
@@ -175,7 +167,7 @@ mod tests {
         truth.iter_mut().for_each(|l| *l *= scale);
         let mut posed = Posed::default();
         let mut bones = Bones::new(s);
-        let before: f64 = (truth[9] - s.lengths()[9]).abs();
+        let before: f64 = (truth[R_KNEE] - s.lengths()[R_KNEE]).abs();
         for i in 0..400u32 {
             let mut pose = Pose::facing_camera(3.0);
             pose.angles[13] = 0.01 * (i % 60) as f64;
@@ -186,7 +178,7 @@ mod tests {
                 *p += DVec3::new(n(1), n(2), n(3)) * 0.05;
             }
             if i.is_multiple_of(7) {
-                points[10] = DVec3::splat(5.0);
+                points[R_ANKLE] = DVec3::splat(5.0);
             }
             bones.update(s, &points, &posed, 1.0 / 30.0);
             if i < 8 {
@@ -197,7 +189,7 @@ mod tests {
                 );
             }
         }
-        let after = (truth[9] - bones.lengths()[9]).abs();
+        let after = (truth[R_KNEE] - bones.lengths()[R_KNEE]).abs();
         assert!(after < 0.5 * before, "{before} → {after}");
         assert!((s.stature(bones.lengths()) - 1.70).abs() < 0.01);
     }

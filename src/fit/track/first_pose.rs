@@ -5,7 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use crate::body::skeleton::{ANGLES, Pose, Posed, Skeleton};
 use crate::body::skeleton::{LIMBS, Limb};
-use crate::joints::{BODY_JOINTS, PARENTS};
+use crate::joints::{BODY_JOINTS, L_HIP, L_SHOULDER, NECK, PARENTS, R_HIP, R_SHOULDER};
 
 /// A first pose from joints relative to the pelvis at `position`; `None` where the torso has no orientation.
 pub fn first_pose(
@@ -57,8 +57,8 @@ pub fn best_branch(
 
 /// Rotation of the trunk: x along hips and shoulders to the left, y from pelvis to neck.
 fn torso_rotation(points: &[DVec3; BODY_JOINTS]) -> Option<DQuat> {
-    let y = points[1].try_normalize()?;
-    let across = (points[11] - points[8]) + 0.5 * (points[5] - points[2]);
+    let y = points[NECK].try_normalize()?;
+    let across = (points[L_HIP] - points[R_HIP]) + 0.5 * (points[L_SHOULDER] - points[R_SHOULDER]);
     let x = (across - y * across.dot(y)).try_normalize()?;
     let q = DQuat::from_mat3(&DMat3::from_cols(x, y, x.cross(y)));
     q.is_finite().then(|| q.normalize())

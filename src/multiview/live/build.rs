@@ -1,10 +1,16 @@
 //! How somebody is built. In: joints as several views meet in them, and the fitted skeleton. Out: bone lengths in
-//! metres, and so the stature, which several views see and one does not.
+//! metres, and so the stature, which several views see and one does not. XNect §5.2; before one camera `fit` takes them
+//! in at canonical stature.
 
 use glam::DVec3;
 
 use crate::body::skeleton::{BoneLengths, Posed, Skeleton};
-use crate::joints::EVIDENCE_JOINTS;
+use crate::fit::{RunningMean, look_of_its_own};
+use crate::joints::{
+    ELBOWS, EVIDENCE_JOINTS, HEAD, HEAD_TOP, HIPS, KNEES, L_ANKLE, L_ELBOW, L_FOOT_TIP, L_HAND,
+    L_HIP, L_KNEE, L_SHOULDER, L_WRIST, NECK, R_ANKLE, R_ELBOW, R_FOOT_TIP, R_HAND, R_HIP, R_KNEE,
+    R_SHOULDER, R_WRIST, SHOULDERS, SPINE,
+};
 
 /// Errors last about this long, seconds, so that looks that come faster count for less.
 const CORRELATED: f64 = 1.0 / 6.0;
@@ -32,49 +38,54 @@ struct Segment {
     bones: &'static [usize],
 }
 
+/// A joint itself, where others are the middle of two.
+const fn at(joint: usize) -> [usize; 2] {
+    [joint; 2]
+}
+
 const SEGMENTS: [Segment; 8] = [
     // Thighs, shanks with feet.
     Segment {
-        spans: &[[[8, 8], [9, 9]], [[11, 11], [12, 12]]],
-        bones: &[9, 12],
+        spans: &[[at(R_HIP), at(R_KNEE)], [at(L_HIP), at(L_KNEE)]],
+        bones: &KNEES,
     },
     Segment {
-        spans: &[[[9, 9], [10, 10]], [[12, 12], [13, 13]]],
-        bones: &[10, 13, 19, 20],
+        spans: &[[at(R_KNEE), at(R_ANKLE)], [at(L_KNEE), at(L_ANKLE)]],
+        bones: &[R_ANKLE, L_ANKLE, R_FOOT_TIP, L_FOOT_TIP],
     },
     // Upper arms, forearms with hands.
     Segment {
-        spans: &[[[2, 2], [3, 3]], [[5, 5], [6, 6]]],
-        bones: &[3, 6],
+        spans: &[[at(R_SHOULDER), at(R_ELBOW)], [at(L_SHOULDER), at(L_ELBOW)]],
+        bones: &ELBOWS,
     },
     Segment {
-        spans: &[[[3, 3], [4, 4]], [[6, 6], [7, 7]]],
-        bones: &[4, 7, 17, 18],
+        spans: &[[at(R_ELBOW), at(R_WRIST)], [at(L_ELBOW), at(L_WRIST)]],
+        bones: &[R_WRIST, L_WRIST, R_HAND, L_HAND],
     },
     // Hips, shoulders, trunk, head.
     Segment {
-        spans: &[[[8, 8], [11, 11]]],
-        bones: &[8, 11],
+        spans: &[[at(R_HIP), at(L_HIP)]],
+        bones: &HIPS,
     },
     Segment {
-        spans: &[[[2, 2], [5, 5]]],
-        bones: &[2, 5],
+        spans: &[[at(R_SHOULDER), at(L_SHOULDER)]],
+        bones: &SHOULDERS,
     },
     Segment {
-        spans: &[[[8, 11], [1, 1]]],
-        bones: &[15, 1],
+        spans: &[[HIPS, at(NECK)]],
+        bones: &[SPINE, NECK],
     },
     Segment {
-        spans: &[[[1, 1], [0, 0]]],
-        bones: &[16, 0],
+        spans: &[[at(NECK), at(HEAD_TOP)]],
+        bones: &[HEAD, HEAD_TOP],
     },
 ];
 
 /// Running estimate of one person's bone lengths.
 #[derive(Debug, Clone)]
 pub struct Build {
-    /// Length of every segment as a share of the average person's of canonical stature, and looks behind it.
-    segments: [(f64, f64); SEGMENTS.len()],
+    /// Length of every segment as a share of the average person's of canonical stature.
+    segments: [RunningMean; SEGMENTS.len()],
     lengths: BoneLengths,
     stature: f64,
     /// Stature where it is given.
@@ -113,7 +124,7 @@ impl Build {
         }
         let scale = if usual > 0.0 { seen / usual } else { 1.0 };
         let mut build = Self {
-            segments: [(scale, 0.0); SEGMENTS.len()],
+            segments: [RunningMean::expecting(scale); SEGMENTS.len()],
             lengths: *skeleton.lengths(),
             stature: 0.0,
             given,
@@ -141,9 +152,9 @@ impl Build {
         posed: &Posed,
         dt: f64,
     ) {
-        let look = (dt / CORRELATED).min(1.0);
+        let look = look_of_its_own(dt, CORRELATED);
         let fitted = posed.joints.map(Some);
-        for (segment, (mean, looks)) in SEGMENTS.iter().zip(&mut self.segments) {
+        for (segment, known) in SEGMENTS.iter().zip(&mut self.segments) {
             let own = self.lengths[segment.bones[0]] / skeleton.lengths()[segment.bones[0]];
             let each = segment.spans.iter().filter_map(|s| {
                 let (seen, f) = (span(joints, *s)?, span(&fitted, *s)?);
@@ -155,12 +166,11 @@ impl Build {
             }
             let share = sum / count;
             // A first sight alone may be all wrong.
-            let is_unlike = *looks >= TELLING && (share / *mean - 1.0).abs() > UNLIKE;
+            let is_unlike = known.looks >= TELLING && (share / known.mean - 1.0).abs() > UNLIKE;
             if is_unlike || !(BELIEVED[0]..BELIEVED[1]).contains(&share) {
                 continue;
             }
-            *looks = (*looks + look).min(MEMORY);
-            *mean += (share - *mean) * look / *looks;
+            known.add(share, look, MEMORY);
         }
         self.settle(skeleton);
     }
@@ -170,16 +180,17 @@ impl Build {
         let average = skeleton.lengths();
         let size = |s: &Segment| -> f64 { average[s.bones[0]] };
         let (mut sum, mut weights) = (0.0, 0.0);
-        for (segment, (mean, looks)) in SEGMENTS.iter().zip(&self.segments) {
-            let w = size(segment) * (looks + UNSEEN);
-            sum += w * mean;
+        for (segment, known) in SEGMENTS.iter().zip(&self.segments) {
+            let w = size(segment) * (known.looks + UNSEEN);
+            sum += w * known.mean;
             weights += w;
         }
         let scale = sum / weights;
         self.lengths = average.map(|l| scale * l);
-        for (segment, (mean, looks)) in SEGMENTS.iter().zip(&self.segments) {
+        for (segment, known) in SEGMENTS.iter().zip(&self.segments) {
+            // In looks, of which each has a variance of 1.
             let prior = (FRAME_ERROR / (PRIOR_SPREAD * size(segment))).powi(2);
-            let own = (prior * scale + looks * mean) / (prior + looks);
+            let own = known.beside(scale, prior, 1.0);
             for &bone in segment.bones {
                 self.lengths[bone] = own * average[bone];
             }
@@ -194,7 +205,7 @@ impl Build {
 
     /// Difference of statures, natural logarithm; `None` while either is not known.
     pub fn difference(&self, other: &Self) -> Option<f64> {
-        let known = |b: &Self| b.segments.iter().all(|(_, n)| *n >= TELLING);
+        let known = |b: &Self| b.segments.iter().all(|s| s.looks >= TELLING);
         (known(self) && known(other)).then(|| (self.stature / other.stature).ln().abs())
     }
 }
@@ -208,7 +219,7 @@ mod tests {
     fn learned(fps: f64, seconds: f64) -> Build {
         let s = Skeleton::builtin();
         let mut truth = *s.lengths();
-        for bone in [9, 12] {
+        for bone in KNEES {
             truth[bone] *= 1.1;
         }
         let (pose, mut posed) = (Pose::facing_camera(3.0), Posed::default());
@@ -224,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_second_tells_the_same_at_any_rate() {
-        let thigh = |build: &Build| build.lengths()[9] / build.lengths()[10];
+        let thigh = |build: &Build| build.lengths()[R_KNEE] / build.lengths()[R_ANKLE];
         let [before, usual, after] = [0.0, 1.0, 20.0].map(|s| thigh(&learned(30.0, s)));
         let share = (usual - before) / (after - before);
         assert!((0.1..0.9).contains(&share), "{share}");
@@ -264,7 +275,7 @@ mod tests {
         let s = Skeleton::builtin();
         // A child with long legs.
         let mut truth = s.lengths().map(|l| 0.75 * l);
-        for bone in [9, 10, 12, 13] {
+        for bone in [R_KNEE, R_ANKLE, L_KNEE, L_ANKLE] {
             truth[bone] *= 1.06;
         }
         let mut posed = Posed::default();
@@ -280,10 +291,10 @@ mod tests {
                 *p = p.map(|p| p + DVec3::new(n(1), n(2), n(3)) * 0.03);
             }
             if i.is_multiple_of(7) {
-                joints[10] = None;
+                joints[R_ANKLE] = None;
             }
             if i.is_multiple_of(11) {
-                joints[4] = Some(DVec3::splat(5.0));
+                joints[R_WRIST] = Some(DVec3::splat(5.0));
             }
             let build = build.get_or_insert_with(|| Build::new(s, &joints, None));
             let mut fitted = Posed::default();

@@ -31,9 +31,9 @@ use crate::assignment::Matcher;
 use crate::body::skeleton::{Posed, Skeleton, rotation_vector_near};
 use crate::camera::{RESTART_NS, View};
 use crate::fit::config::ConfigError;
-use crate::fit::{FitConfig, MotionModel, VETO};
+use crate::fit::{FitConfig, MotionModel, PoseSolver, VETO};
+use crate::joints::{NECK, PELVIS};
 use crate::message::{Body, BodyFrame, FLAG_FILE_TIME, MAX_PEOPLE, World};
-use crate::solve::Solver;
 
 pub use settings::without_meaning;
 pub use synchroniser::{FrameSet, LeftOut, Synchroniser};
@@ -57,7 +57,7 @@ pub struct LiveFit {
     views: Vec<View>,
     config: FitConfig,
     model: MotionModel,
-    solver: Solver,
+    solver: PoseSolver,
     matcher: Matcher,
     world: World,
     present: Vec<Person>,
@@ -90,7 +90,7 @@ impl LiveFit {
             views,
             model: MotionModel::new(Skeleton::builtin(), &config.terms, &config.prediction),
             config,
-            solver: Solver::default(),
+            solver: PoseSolver::default(),
             matcher: Matcher::default(),
             present: Vec::new(),
             identities: Identities::default(),
@@ -372,7 +372,7 @@ impl LiveFit {
             // is.
             let mut seen_ones = self.present.iter().filter(|other| other.unseen == 0.0);
             let is_taken = seen_ones.any(|other| {
-                [14, 1]
+                [PELVIS, NECK]
                     .iter()
                     .all(|&j| other.posed.joints[j].distance(person.posed.joints[j]) < APART)
             });

@@ -3,29 +3,28 @@
 use glam::DVec3;
 
 use super::build::Build;
-use super::energy::{Solution, Targets, ViewTarget, solve};
+use super::energy::{Targets, ViewTarget};
 use super::looks::Looks;
 use super::met::{agree, mean_distance, meet, relative};
 use super::seen::Seen;
 use crate::body::skeleton::{LIMBS, Pose, Posed, Skeleton};
 use crate::camera::View;
 use crate::fit::{
-    FitConfig, Motion, MotionModel, SEEN_THROUGH, WEIGHTS_3D, best_branch, first_pose,
+    FitConfig, InSpace, Motion, MotionModel, MotionPrior, PoseSolver, Problem, SEEN_THROUGH,
+    Solution, WEIGHTS_3D, best_branch, first_pose,
 };
-use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, DOF, EVIDENCE_JOINTS, PELVIS};
+use crate::joints::{BODY_JOINTS, CANONICAL_STATURE, EVIDENCE_JOINTS, L_HIP, NECK, PELVIS, R_HIP};
 use crate::message::JointState;
 use crate::multiview::exchange::is_crossed;
 use crate::multiview::people::{is_body, reach};
 use crate::multiview::triangulate::Joints3d;
-use crate::solve::{Effort, Solver};
+use crate::solve::Effort;
 
 /// Share of its E3D weight before one camera that a joint keeps which so many views see: none, one, more. Several views
 /// know where it is.
 const SHARE_3D: [f64; 3] = [0.2, 0.56, 0.056];
 /// The same of joints that no view sees by themselves: hands, tips of feet, middle of the head, spine.
 const HIDDEN_3D: f64 = 0.28;
-/// Standard deviation of an angle about rest, radians: only decides what nothing else does.
-const REST_SIGMA: f64 = 1.5;
 /// A limb is stuck where its joints lie so far from where rays meet, metres.
 const STUCK: f64 = 0.15;
 /// Rays meet in a joint when their mean robust cost is no more than this, square metres, however many they are.
@@ -46,7 +45,7 @@ pub struct Context<'a> {
     /// How people move.
     pub model: &'a MotionModel,
     /// Working memory.
-    pub solver: &'a mut Solver,
+    pub solver: &'a mut PoseSolver,
 }
 
 /// One person: identity, pose and everything that is remembered.
@@ -271,18 +270,12 @@ impl Person {
             return None;
         }
         let skeleton = Skeleton::builtin();
-        let hips = 0.5 * (joints.points[8]? + joints.points[11]?);
-        joints.points[1]?;
+        let hips = 0.5 * (joints.points[R_HIP]? + joints.points[L_HIP]?);
+        joints.points[NECK]?;
         let pose = first_pose(skeleton, hips, &relative(joints, hips))?;
-        let mut targets = self.targets(seen, pose, cx);
-        targets.weights_motion = [0.0; DOF];
-        let found = solve(
-            cx.solver,
-            self.build.lengths(),
-            &targets,
-            &pose,
-            Effort::COLD,
-        );
+        let targets = self.targets(seen, pose, cx);
+        let problem = Problem::new(skeleton, self.build.lengths(), &targets);
+        let found = cx.solver.solve(&problem, &pose, Effort::COLD);
         if !found.pose.is_finite() {
             return None;
         }
@@ -299,22 +292,17 @@ impl Person {
         cx: &mut Context<'_>,
     ) {
         let mut targets = self.targets(seen, predicted, cx);
-        targets.weights_motion = self.motion.weights(cx.model);
-        let mut found = solve(
-            cx.solver,
-            self.build.lengths(),
-            &targets,
-            &predicted,
-            Effort::WARM,
-        );
+        targets.prior.weights = self.motion.weights(cx.model);
+        let problem = Problem::new(Skeleton::builtin(), self.build.lengths(), &targets);
+        let mut found = cx.solver.solve(&problem, &predicted, Effort::WARM);
         self.free_limbs(joints, &mut targets, &mut found, cx);
         if !found.pose.is_finite() {
             // The prediction is finite because every pose before it was.
             return;
         }
-        let innovation = found.pose.step_from(&targets.predicted);
+        let innovation = found.pose.step_from(&targets.prior.predicted);
         self.motion
-            .correct(&innovation, &found.information, &targets.weights_motion);
+            .correct(&innovation, &found.information, &targets.prior.weights);
         (self.pose, self.posed) = (found.pose, found.posed);
     }
 
@@ -344,21 +332,15 @@ impl Person {
             let mut start = found.pose;
             for (k, angle) in limb.angles(skeleton).into_iter().zip(angles) {
                 start.angles[k] = angle;
-                trial.predicted.angles[k] = angle;
-                trial.weights_motion[6 + k] = 0.0;
+                trial.prior.free(k, angle);
             }
-            let other = solve(
-                cx.solver,
-                self.build.lengths(),
-                &trial,
-                &start,
-                Effort::WARM,
-            );
+            let problem = Problem::new(skeleton, self.build.lengths(), &trial);
+            let other = cx.solver.solve(&problem, &start, Effort::WARM);
             let nearer = off(limb.middle, &other) + off(limb.end, &other)
                 < 0.6 * (off(limb.middle, found) + off(limb.end, found));
             if nearer && other.pose.is_finite() {
                 for k in limb.angles(skeleton) {
-                    trial.predicted.angles[k] = other.pose.angles[k];
+                    trial.prior.predicted.angles[k] = other.pose.angles[k];
                     self.motion.restart(6 + k);
                 }
                 (*targets, *found) = (trial, other);
@@ -388,11 +370,8 @@ impl Person {
             .collect();
         let mut targets = Targets {
             views,
-            points3d: [DVec3::ZERO; BODY_JOINTS],
-            weights3d: [0.0; BODY_JOINTS],
-            predicted,
-            weights_motion: [0.0; DOF],
-            weight_rest: 1.0 / (REST_SIGMA * REST_SIGMA),
+            in_space: InSpace::unknown(),
+            prior: MotionPrior::without_prediction(predicted),
         };
         let told: Vec<&[DVec3; BODY_JOINTS]> = seen
             .iter()
@@ -404,14 +383,15 @@ impl Person {
         }
         let scale = self.build.stature() / f64::from(CANONICAL_STATURE) / told.len() as f64;
         for j in 0..BODY_JOINTS {
-            targets.points3d[j] = told.iter().map(|p| p[j]).sum::<DVec3>() * scale;
+            targets.in_space.points[j] = told.iter().map(|p| p[j]).sum::<DVec3>() * scale;
             let share = if j < EVIDENCE_JOINTS {
                 let known = targets.views.iter().filter(|v| v.weights[j] > 0.0).count();
                 SHARE_3D[known.min(2)]
             } else {
                 HIDDEN_3D
             };
-            targets.weights3d[j] = terms.position * WEIGHTS_3D[j] * share / terms.sigma3d.powi(2);
+            targets.in_space.weights[j] =
+                terms.position * WEIGHTS_3D[j] * share / terms.sigma3d.powi(2);
         }
         targets
     }

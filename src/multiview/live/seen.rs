@@ -4,7 +4,10 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::View;
 use crate::fit::{Appearance, Bounds, overlap};
-use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS, MIRROR_BODY, PELVIS};
+use crate::joints::{
+    BODY_JOINTS, EVIDENCE_JOINTS, MIRROR_BODY, NECK, PELVIS, R_ANKLE, R_ELBOW, R_FOOT_TIP, R_HAND,
+    R_HIP, R_KNEE, R_SHOULDER, R_WRIST,
+};
 use crate::message::Observation;
 use crate::multiview::exchange;
 use crate::multiview::sight::Sight;
@@ -12,7 +15,10 @@ use crate::multiview::sight::Sight;
 /// Farthest a joint can be from the pelvis, metres at canonical stature.
 const REACH: f64 = 1.6;
 /// Joints that change sides together: arms with hands, legs with feet; the right ones.
-const SIDES: [&[usize]; 2] = [&[2, 3, 4, 17], &[8, 9, 10, 19]];
+const SIDES: [&[usize]; 2] = [
+    &[R_SHOULDER, R_ELBOW, R_WRIST, R_HAND],
+    &[R_HIP, R_KNEE, R_ANKLE, R_FOOT_TIP],
+];
 
 /// One detection.
 #[derive(Debug, Clone)]
@@ -93,6 +99,6 @@ fn in_world(to_world: &DMat3, seen: &Observation) -> Option<[DVec3; BODY_JOINTS]
         .joints3d
         .map(|p| *to_world * (DVec3::from(p.map(f64::from)) - pelvis));
     let is_near = points.iter().all(|p| p.is_finite() && p.length() < REACH);
-    let spread = points[1].length().max(points[9].length());
+    let spread = points[NECK].length().max(points[R_KNEE].length());
     (is_near && spread > 0.1).then_some(points)
 }

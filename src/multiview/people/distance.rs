@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::Joints;
-use super::body_shape::of_one_body;
 use super::live_track::Live;
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
+use crate::multiview::one_body::of_one_body;
 use crate::multiview::sight::{Ray, Sight};
 
 /// By how much, a second, what a view says of distance is learnt from where two meet, and believed where it is alone.

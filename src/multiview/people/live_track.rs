@@ -3,14 +3,16 @@
 
 use glam::DVec3;
 
-use super::body_shape::{is_body, median};
+use super::Joints;
+use super::body_shape::is_body;
 use super::distance::{DISTANCE_LEARNT, DISTANCE_TAKEN, shows_most};
 use super::look::Look;
-use super::{Joints, LEAST_SHARED};
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
 use crate::multiview::exchange;
 use crate::multiview::moment::Moment;
+use crate::multiview::one_body::median;
+use crate::multiview::sight::LEAST_SHARED;
 
 /// By how much, a second, somebody's velocity is learnt; the fastest that anybody goes, metres a second, and for how
 /// long they are expected to go on, seconds.

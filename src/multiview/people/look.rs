@@ -4,11 +4,11 @@ use glam::DVec3;
 
 use super::live_track::{Live, empty};
 use super::near::{REACH, mean_distance};
-use super::{Frame, Joints, LEAST_SHARED, is_proven};
+use super::{Frame, Joints, is_proven};
 use crate::camera::View;
 use crate::joints::{EVIDENCE_JOINTS, MIRROR};
 use crate::multiview::exchange;
-use crate::multiview::sight::Sight;
+use crate::multiview::sight::{LEAST_SHARED, Sight};
 use crate::multiview::triangulate::{Joints3d, triangulate};
 
 /// Bodies whose joints are so near on average are one person's, metres.

@@ -17,11 +17,9 @@ mod take;
 use glam::DVec3;
 
 pub use self::body_shape::is_body;
-pub(super) use self::body_shape::of_one_body;
 use self::live_track::{Live, empty};
 pub(super) use self::look::is_one_body;
 use self::look::{Look, merge};
-pub(super) use self::near::mirrored;
 pub use self::near::{closeness, matched, nearest_sight};
 pub(super) use self::rejoin::{Followed, rejoin};
 pub(super) use self::take::reach;
@@ -33,8 +31,6 @@ use crate::assignment::Matcher;
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
 
-/// Shared joints under which two detections cannot be compared.
-pub(super) const LEAST_SHARED: usize = 5;
 /// Seconds without any view after which somebody is gone, and without two of them: one view alone may follow somebody
 /// else.
 const MEMORY: f64 = 1.0;

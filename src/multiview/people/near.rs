@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use super::{Joints, LEAST_SHARED};
+use super::Joints;
 use crate::assignment::Matcher;
 use crate::camera::View;
 use crate::joints::EVIDENCE_JOINTS;
 use crate::multiview::exchange;
-use crate::multiview::sight::{LIMB_PAIRS, Sight, distance};
+use crate::multiview::sight::{LEAST_SHARED, Sight, distance};
 
 /// Mean distance of a person's rays from their joints beyond which they are somebody else's, metres.
 pub(super) const REACH: f64 = 0.35;
@@ -18,15 +18,10 @@ pub fn closeness(view: &View, sight: &Sight, joints: &Joints, reach: f64) -> f32
     // A detector may have exchanged all sides.
     let readings = [
         mean_distance(view, sight, joints, reach),
-        mean_distance(view, &mirrored(sight), joints, reach),
+        mean_distance(view, &sight.mirrored(), joints, reach),
     ];
     let least = readings.into_iter().flatten().fold(f64::INFINITY, f64::min);
     (1.0 - least / reach).max(0.0) as f32
-}
-
-/// All sides exchanged.
-pub(in crate::multiview) fn mirrored(sight: &Sight) -> Sight {
-    sight.exchanged(LIMB_PAIRS[0]).exchanged(LIMB_PAIRS[1])
 }
 
 /// Mean distance of a view's rays from joints, none of which counts more than twice the `reach`, metres; `None` where

@@ -8,6 +8,7 @@ use super::distance::depth;
 use super::look::solve;
 use super::near::REACH;
 use crate::camera::View;
+use crate::joints::{L_HIP, NECK, R_HIP};
 use crate::multiview::exchange;
 use crate::multiview::groups::{groups, ray_distance};
 use crate::multiview::sight::Sight;
@@ -37,7 +38,7 @@ impl Followed {
             let ratio = was.zip(now).map(|(was, now)| now / was);
             ratio.is_some_and(|r| (1.0 / NEARER..NEARER).contains(&r))
         };
-        let is_told = [1, 8, 11].iter().all(|&j| joints[j].is_some());
+        let is_told = [NECK, R_HIP, L_HIP].iter().all(|&j| joints[j].is_some());
         (is_body(&joints) || !is_told) && followed.all(is_near)
     }
 

@@ -117,6 +117,7 @@ fn apart((va, a): (&View, &Joints), (vb, b): (&View, &Joints)) -> Option<(f64, u
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::joints::{HEAD_TOP, NECK, R_ANKLE, R_ELBOW, R_HIP, R_KNEE, R_SHOULDER, R_WRIST};
 
     #[test]
     fn only_who_is_there_at_the_time_is_compared() {
@@ -151,7 +152,9 @@ mod tests {
 
     #[test]
     fn one_side_alone_is_compared_joint_by_joint() {
-        let right = [0, 1, 2, 3, 4, 8, 9, 10];
+        let right = [
+            HEAD_TOP, NECK, R_SHOULDER, R_ELBOW, R_WRIST, R_HIP, R_KNEE, R_ANKLE,
+        ];
         let [a, b] = figures(&right, 0.03);
         let (sum, count) = apart((&a.0, &a.1), (&b.0, &b.1)).unwrap();
         assert_eq!(count, right.len());

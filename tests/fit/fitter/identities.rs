@@ -1,6 +1,7 @@
 //! Who is born, who keeps a name, and who comes back as themselves.
 
 use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::R_WRIST;
 use edgecap::message::{BodyFrame, BodyState, JointState};
 
 use super::{FPS, Stage, check_everywhere, dress, standing};
@@ -159,11 +160,14 @@ fn a_missed_person_is_predicted_then_gone_then_recognised() {
             frame.count = 0;
         }
         fitter.update(&frame, &mut out);
-        states.push(
-            out.bodies()
-                .first()
-                .map(|b| (b.id, b.state, b.confidence[4], b.joint_states[4])),
-        );
+        states.push(out.bodies().first().map(|b| {
+            (
+                b.id,
+                b.state,
+                b.confidence[R_WRIST],
+                b.joint_states[R_WRIST],
+            )
+        }));
     }
     assert!(
         states[0].is_some(),

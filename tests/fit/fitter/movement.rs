@@ -4,7 +4,10 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, TAU};
 
 use edgecap::body::skeleton::{Pose, Skeleton};
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::{EVIDENCE_JOINTS, NECK, PELVIS};
+use edgecap::joints::{
+    EVIDENCE_JOINTS, L_ANKLE, L_KNEE, NECK, PELVIS, R_ANKLE, R_ELBOW, R_HAND, R_KNEE, R_SHOULDER,
+    R_WRIST, SHOULDERS,
+};
 use edgecap::message::{BodyFrame, BodyState};
 use glam::{DQuat, Vec3};
 
@@ -100,7 +103,6 @@ fn whoever_walks_up_to_the_camera_is_not_taken_through_the_lens() {
 
 #[test]
 fn whoever_comes_back_turned_round_is_seen_from_behind() {
-    const SHOULDERS: (usize, usize) = (2, 5);
     // Frames without them: more than a quarter of a second, and less than they are expected for.
     for gap in [12, 20, 60] {
         let mut scene = Scene::new(vec![standing(3, 0.0, 4.0)], Noise::NONE, FPS, 4);
@@ -118,7 +120,7 @@ fn whoever_comes_back_turned_round_is_seen_from_behind() {
             if n < 60 + gap + 5 {
                 continue;
             }
-            let (r, l) = SHOULDERS;
+            let [r, l] = SHOULDERS;
             let body = &out.bodies()[0];
             let [right, left] = [r, l].map(|j| Vec3::from_array(body.joints3d[j]));
             let truth = truths[0].joints;
@@ -131,7 +133,6 @@ fn whoever_comes_back_turned_round_is_seen_from_behind() {
 
 #[test]
 fn a_jump_is_doubted_for_a_moment_at_any_frame_rate() {
-    const WRIST: usize = 4;
     for (fps, doubted, followed) in [(30.0, 2, 8), (6.0, 0, 2)] {
         let person = Person::new(
             3,
@@ -147,8 +148,8 @@ fn a_jump_is_doubted_for_a_moment_at_any_frame_rate() {
             let (mut frame, truths) = scene.next();
             let seen = &mut frame.people[0];
             let root = truths[0].joints[PELVIS].as_vec3();
-            let shoulder = Vec3::from_array(seen.joints3d[2]);
-            let raised = [(3, 0.26), (WRIST, 0.50), (17, 0.60)];
+            let shoulder = Vec3::from_array(seen.joints3d[R_SHOULDER]);
+            let raised = [(R_ELBOW, 0.26), (R_WRIST, 0.50), (R_HAND, 0.60)];
             if f >= jump {
                 for (joint, above) in raised {
                     let p = shoulder - above * Vec3::Y;
@@ -162,7 +163,7 @@ fn a_jump_is_doubted_for_a_moment_at_any_frame_rate() {
             fitter.update(&frame, &mut out);
             if f >= jump {
                 let body = &out.bodies()[0];
-                let [wrist, pelvis] = [WRIST, PELVIS].map(|j| Vec3::from_array(body.joints3d[j]));
+                let [wrist, pelvis] = [R_WRIST, PELVIS].map(|j| Vec3::from_array(body.joints3d[j]));
                 gaps.push((wrist - pelvis - (shoulder - 0.50 * Vec3::Y)).length());
             }
         }
@@ -194,7 +195,12 @@ fn running(seconds: f64, turned: f64) -> Pose {
 #[test]
 fn legs_are_not_exchanged_for_a_prediction_that_reaches_too_far() {
     // Knees and ankles, and those of the other side.
-    const LEGS: [(usize, usize); 4] = [(9, 12), (10, 13), (12, 9), (13, 10)];
+    const LEGS: [(usize, usize); 4] = [
+        (R_KNEE, L_KNEE),
+        (R_ANKLE, L_ANKLE),
+        (L_KNEE, R_KNEE),
+        (L_ANKLE, R_ANKLE),
+    ];
     // Frames a second, and how many of a hundred are without anybody.
     for (fps, gap) in [(5.0, 0), (FPS, 6)] {
         for turned in [0.0, FRAC_PI_4, FRAC_PI_2] {

@@ -1,6 +1,7 @@
 //! Bodies predicted ahead of the last frame.
 
 use edgecap::fit::{FitConfig, Fitter};
+use edgecap::joints::PELVIS;
 use edgecap::message::BodyFrame;
 
 use super::FPS;
@@ -52,7 +53,7 @@ fn half_the_frame_rate_ahead_is_nearer_than_standing_still() {
         for (truth, b) in truths.iter().zip(matches) {
             let Some(b) = b else { continue };
             let grow = truth.height / f64::from(now.bodies[b].height);
-            let x = truth.joints[14].x;
+            let x = truth.joints[PELVIS].x;
             predicted += (f64::from(ahead.bodies[b].position[0]) * grow - x).abs();
             held += (f64::from(now.bodies[b].position[0]) * grow - x).abs();
         }

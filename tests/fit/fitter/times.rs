@@ -2,7 +2,7 @@
 
 use edgecap::body::skeleton::{ANKLE_HEIGHT, BoneLengths, Pose, Posed, Skeleton};
 use edgecap::fit::{FitConfig, Fitter, GroundConfig};
-use edgecap::joints::{CANONICAL_STATURE, PELVIS};
+use edgecap::joints::{CANONICAL_STATURE, L_ANKLE, L_KNEE, PELVIS, R_ANKLE, R_KNEE};
 use edgecap::message::{BodyFrame, FLAG_END_OF_STREAM, ObservationFrame};
 use glam::Vec3;
 
@@ -296,7 +296,7 @@ fn whoever_is_dressed_alike_keeps_their_name_over_a_pause() {
 /// Bones of somebody whose thighs are long and whose shanks are short, by a tenth, metres.
 fn long_thighs() -> BoneLengths {
     let mut lengths = *Skeleton::builtin().lengths();
-    for (thigh, shank) in [(9, 10), (12, 13)] {
+    for (thigh, shank) in [(R_KNEE, R_ANKLE), (L_KNEE, L_ANKLE)] {
         let longer = 0.1 * lengths[thigh];
         lengths[thigh] += longer;
         lengths[shank] -= longer;
@@ -316,7 +316,7 @@ fn what_is_learned_of_somebody_is_learned_where_frames_are_seconds_apart() {
     let config = FitConfig {
         ground: Some(GroundConfig {
             normal: [0.0, -1.0, 0.0],
-            offset: (posed.joints[10].y + ANKLE_HEIGHT) * scale,
+            offset: (posed.joints[R_ANKLE].y + ANKLE_HEIGHT) * scale,
         }),
         ..FitConfig::default()
     };

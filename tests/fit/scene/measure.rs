@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use edgecap::assignment::assign;
 use edgecap::body::skeleton::Skeleton;
 use edgecap::fit::{FitConfig, Fitter};
-use edgecap::joints::{BODY_JOINTS, PELVIS};
+use edgecap::joints::{ANKLES, BODY_JOINTS, PELVIS};
 use edgecap::message::{Body, BodyFrame, ObservationFrame};
 use glam::DVec3;
 
@@ -251,7 +251,7 @@ pub fn run(scene: &mut Scene, config: FitConfig, frames: u64, warm_up: u64, lag:
             }
             let (_, before) = scene.people[truth.person].at(time - 0.1);
             let (_, after) = scene.people[truth.person].at(time + 0.1);
-            for ankle in [10, 13] {
+            for ankle in ANKLES {
                 let still = (after[ankle] - before[ankle]).length() < 0.004;
                 if !still {
                     continue;

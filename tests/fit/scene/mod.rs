@@ -9,7 +9,11 @@
 )]
 
 use edgecap::body::skeleton::{ANGLES, BoneLengths, Pose, Posed, Skeleton};
-use edgecap::joints::{BODY_JOINTS, EVIDENCE_JOINTS, PELVIS};
+use edgecap::joints::{
+    ANKLES, BODY_JOINTS, ELBOWS, EVIDENCE_JOINTS, FOOT_TIPS, HANDS, HEAD, HEAD_TOP, HIPS, KNEES,
+    L_ANKLE, L_ELBOW, L_HIP, L_KNEE, L_SHOULDER, L_WRIST, MIRRORED, NECK, PELVIS, R_ANKLE, R_ELBOW,
+    R_FOOT_TIP, R_HIP, R_KNEE, R_SHOULDER, R_WRIST, SHOULDERS, SPINE, WRISTS,
+};
 use edgecap::message::{APPEARANCE_BINS, Intrinsics, Observation, ObservationFrame};
 use glam::{DQuat, DVec2, DVec3};
 use rand::rngs::SmallRng;
@@ -142,8 +146,15 @@ struct NoiseState {
 }
 
 /// Knees and ankles.
-const LEGS: [usize; 4] = [9, 10, 12, 13];
-const LIMBS: [&[usize]; 6] = [&[3, 4], &[6, 7], &[9, 10], &[12, 13], &[4], &[7]];
+const LEGS: [usize; 4] = [R_KNEE, R_ANKLE, L_KNEE, L_ANKLE];
+const LIMBS: [&[usize]; 6] = [
+    &[R_ELBOW, R_WRIST],
+    &[L_ELBOW, L_WRIST],
+    &[R_KNEE, R_ANKLE],
+    &[L_KNEE, L_ANKLE],
+    &[R_WRIST],
+    &[L_WRIST],
+];
 
 impl Scene {
     pub fn new(people: Vec<people::Person>, noise: Noise, fps: f64, seed: u64) -> Self {
@@ -246,7 +257,7 @@ impl Scene {
             if i == person {
                 return false;
             }
-            let (neck, pelvis) = (other.joints[1], other.joints[PELVIS]);
+            let (neck, pelvis) = (other.joints[NECK], other.joints[PELVIS]);
             let depth = pelvis.z;
             if depth < 0.3 || depth > p.z - 0.25 {
                 return false;
@@ -303,13 +314,13 @@ impl Scene {
         for j in 0..EVIDENCE_JOINTS {
             let invented = truth.counter.filter(|_| LEGS.contains(&j));
             let visible = truth.visible[j] || invented.is_some();
-            if !visible || hidden.contains(&j) || (j != 1 && rng.random_bool(noise.lost)) {
+            if !visible || hidden.contains(&j) || (j != NECK && rng.random_bool(noise.lost)) {
                 continue;
             }
             let at = invented.map_or(truth.joints[j], |c| shortened(&truth.joints, j, c.legs2d));
             let [u, v] = self.camera.project(at.as_vec3().to_array());
             let mut error = state.slow2d[j] + gauss2(rng) * noise.white2d;
-            if j != 1 && rng.random_bool(noise.outlier) {
+            if j != NECK && rng.random_bool(noise.outlier) {
                 let angle: f64 = rng.random_range(0.0..std::f64::consts::TAU);
                 error = DVec2::from_angle(angle) * rng.random_range(0.3..0.8);
             }
@@ -336,16 +347,16 @@ impl Scene {
         }
         if rng.random_bool(noise.swap) {
             let arms = rng.random_bool(0.5);
-            let (pairs, tips): (&[(usize, usize)], _) = if arms {
-                (&[(2, 5), (3, 6), (4, 7)], (17, 18))
+            let (pairs, tips) = if arms {
+                ([SHOULDERS, ELBOWS, WRISTS], HANDS)
             } else {
-                (&[(8, 11), (9, 12), (10, 13)], (19, 20))
+                ([HIPS, KNEES, ANKLES], FOOT_TIPS)
             };
-            for &(a, b) in pairs {
+            for [a, b] in pairs {
                 seen.joints2d.swap(a, b);
             }
             if rng.random_bool(0.5) {
-                for &(a, b) in pairs.iter().chain([&tips]) {
+                for [a, b] in pairs.into_iter().chain([tips]) {
                     seen.joints3d.swap(a, b);
                 }
             }
@@ -362,7 +373,7 @@ impl Scene {
 
     /// Torso histograms: the person's clothes, noise, and a share of whoever stands close in the picture.
     fn dress(&mut self, truths: &[Truth], i: usize, seen: &mut Observation) {
-        if [2, 5, 8, 11]
+        if [R_SHOULDER, L_SHOULDER, R_HIP, L_HIP]
             .iter()
             .filter(|&&j| seen.joints2d[j][2] > 0.0)
             .count()
@@ -370,11 +381,11 @@ impl Scene {
         {
             return;
         }
-        let centre = |t: &Truth| t.joints[15].truncate() / t.joints[15].z;
+        let centre = |t: &Truth| t.joints[SPINE].truncate() / t.joints[SPINE].z;
         let near = truths.iter().enumerate().find(|(k, t)| {
             *k != i
-                && t.joints[15].z > 0.3
-                && (centre(t) - centre(&truths[i])).length() * truths[i].joints[15].z < 0.35
+                && t.joints[SPINE].z > 0.3
+                && (centre(t) - centre(&truths[i])).length() * truths[i].joints[SPINE].z < 0.35
         });
         let rng = &mut self.rng;
         for (out, pick) in [(&mut seen.hue, 0), (&mut seen.saturation, 1)] {
@@ -425,12 +436,17 @@ impl Scene {
 }
 
 const SEEN_THROUGH: [usize; BODY_JOINTS] = [
-    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 8, 1, 0, 4, 7, 10, 13,
+    HEAD_TOP, NECK, R_SHOULDER, R_ELBOW, R_WRIST, L_SHOULDER, L_ELBOW, L_WRIST, R_HIP, R_KNEE,
+    R_ANKLE, L_HIP, L_KNEE, L_ANKLE, R_HIP, NECK, HEAD_TOP, R_WRIST, L_WRIST, R_ANKLE, L_ANKLE,
 ];
 
 /// A joint of a leg that is `share` as long as it should be.
 fn shortened(joints: &[DVec3; BODY_JOINTS], joint: usize, share: f64) -> DVec3 {
-    let hip = if [9, 10, 19].contains(&joint) { 8 } else { 11 };
+    let hip = if [R_KNEE, R_ANKLE, R_FOOT_TIP].contains(&joint) {
+        R_HIP
+    } else {
+        L_HIP
+    };
     joints[hip].lerp(joints[joint], share)
 }
 
@@ -453,22 +469,12 @@ fn gauss3(rng: &mut SmallRng) -> DVec3 {
 pub fn random_lengths(rng: &mut SmallRng) -> BoneLengths {
     let s = Skeleton::builtin();
     let mut lengths = *s.lengths();
-    const PAIRS: [(usize, usize); 8] = [
-        (2, 5),
-        (3, 6),
-        (4, 7),
-        (8, 11),
-        (9, 12),
-        (10, 13),
-        (17, 18),
-        (19, 20),
-    ];
-    for (r, l) in PAIRS {
+    for [r, l] in MIRRORED {
         let factor = (0.05 * gauss(rng).clamp(-2.0, 2.0)).exp();
         lengths[r] *= factor;
         lengths[l] *= factor;
     }
-    for j in [0, 1, 15, 16] {
+    for j in [HEAD_TOP, NECK, SPINE, HEAD] {
         lengths[j] *= (0.05 * gauss(rng).clamp(-2.0, 2.0)).exp();
     }
     let scale = 1.70 / s.stature(&lengths);

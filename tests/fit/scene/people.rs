@@ -4,7 +4,9 @@ use std::f64::consts::{PI, TAU};
 use std::sync::OnceLock;
 
 use edgecap::body::skeleton::{BoneLengths, Pose, Posed, Skeleton};
-use edgecap::joints::{BODY_JOINTS, PELVIS};
+use edgecap::joints::{
+    ANKLES, BODY_JOINTS, ELBOWS, FOOT_TIPS, HANDS, HEAD, HEAD_TOP, PELVIS, SHOULDERS, WRISTS,
+};
 use edgecap::message::APPEARANCE_BINS;
 use glam::{DQuat, DVec2, DVec3};
 use rand::rngs::SmallRng;
@@ -183,23 +185,23 @@ impl Person {
         let mut posed = Posed::default();
         s.pose(&pose, &lengths, &mut posed);
         // On the floor with the lowest point of the feet.
-        let sole = [10, 13]
+        let sole = ANKLES
             .map(|j| posed.joints[j].y + 0.085 * scale)
             .into_iter()
-            .chain([19, 20].map(|j| posed.joints[j].y + 0.02 * scale))
+            .chain(FOOT_TIPS.map(|j| posed.joints[j].y + 0.02 * scale))
             .fold(f64::NEG_INFINITY, f64::max);
         let shift = DVec3::new(place.x, CAMERA_HEIGHT - sole, place.y);
         pose.position = shift;
         let mut joints = posed.joints.map(|p| p + shift);
         // Shrugging shoulders and a tilting head: outside the fitted model.
         let shrug = 0.02 * scale * (0.7 * t + self.offset).sin();
-        for j in [2, 3, 4, 17, 5, 6, 7, 18] {
+        for j in [SHOULDERS, ELBOWS, WRISTS, HANDS].into_iter().flatten() {
             joints[j].y -= shrug;
         }
         let tilt = 0.02 * scale * (0.9 * t + 2.0 * self.offset).sin();
         let side = posed.frames[PELVIS] * DVec3::X;
-        joints[0] += side * tilt;
-        joints[16] += side * (0.4 * tilt);
+        joints[HEAD_TOP] += side * tilt;
+        joints[HEAD] += side * (0.4 * tilt);
         (pose, joints)
     }
 

@@ -2,7 +2,9 @@
 //! right, y down, z away.
 
 use edgecap::camera::{Brown, View};
-use edgecap::joints::{BODY_JOINTS, PELVIS};
+use edgecap::joints::{
+    BODY_JOINTS, ELBOWS, MIRRORED, MIRRORED_EVIDENCE, PELVIS, SHOULDERS, WRISTS,
+};
 use edgecap::message::{Observation, ObservationFrame};
 use glam::{DMat3, DVec2, DVec3};
 use rand::Rng;
@@ -122,25 +124,16 @@ fn one(
         *out = (p * (1.70 / person.height)).as_vec3().to_array();
     }
     if spoil.arms_exchanged {
-        for (r, l) in [(2, 5), (3, 6), (4, 7)] {
+        for [r, l] in [SHOULDERS, ELBOWS, WRISTS] {
             seen.joints2d.swap(r, l);
             seen.joints3d.swap(r, l);
         }
     }
     if spoil.exchanged {
-        for (r, l) in [(2, 5), (3, 6), (4, 7), (8, 11), (9, 12), (10, 13)] {
+        for &[r, l] in &MIRRORED[..MIRRORED_EVIDENCE] {
             seen.joints2d.swap(r, l);
         }
-        for (r, l) in [
-            (2, 5),
-            (3, 6),
-            (4, 7),
-            (8, 11),
-            (9, 12),
-            (10, 13),
-            (17, 18),
-            (19, 20),
-        ] {
+        for [r, l] in MIRRORED {
             seen.joints3d.swap(r, l);
         }
     }
