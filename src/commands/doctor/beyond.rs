@@ -8,7 +8,7 @@ use edgecap_client::place::SERVICE_FOLDER;
 
 use super::finding::{Finding, State};
 use crate::commands::bridges::BridgeArgs;
-use crate::commands::run::RunArgs;
+use crate::commands::settings::RunArgs;
 use crate::config::{FILE_NAME, SYSTEM_FOLDER};
 use crate::output::parent;
 

@@ -82,8 +82,10 @@ pub fn films() -> Finding {
         return Finding::new(FILMS, State::Fine, "ffmpeg plays whatever it can read");
     }
     let text = match cfg!(feature = "mp4") {
-        true => "H.264 in mp4, Motion-JPEG AVI and y4m only: install ffmpeg for others",
-        false => "Motion-JPEG AVI and y4m only: install ffmpeg for mp4 and others",
+        true => {
+            "H.264 in mp4, raw Motion-JPEG, Motion-JPEG AVI and y4m only: install ffmpeg for others"
+        }
+        false => "raw Motion-JPEG, Motion-JPEG AVI and y4m only: install ffmpeg for mp4 and others",
     };
     Finding::new(FILMS, State::Note, text)
 }

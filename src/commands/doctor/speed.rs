@@ -1,14 +1,17 @@
 //! The processor, and how fast it is.
 
+use std::fs;
 use std::time::{Duration, Instant};
 
 use super::finding::{Finding, State};
 use crate::capture::{self, Frame, demo};
 use crate::commands::exit;
-use crate::commands::infer::{EngineArgs, NEAR_LOOK, Pipelines, Quality};
+use crate::commands::infer::{EngineArgs, Pipelines};
 use crate::commands::pipeline::SCALAR_ONLY;
 use crate::engine::{Algorithms, Isa};
 use crate::machine::Machine;
+use crate::schedule::inputs::Quality;
+use crate::schedule::spacing::NEAR;
 
 /// Pictures of the bundled clip that speed is measured with.
 const FRAMES: u32 = 20;
@@ -42,7 +45,8 @@ fn processor_with(isa: Isa, fastest: Option<Isa>, algorithms: Algorithms) -> Fin
     let machine = Machine::here(isa);
     let mut text = format!("{}, {} cores, {}", machine.cpu, machine.cores, machine.isa);
     let mut state = State::Fine;
-    if machine.governor.as_deref() == Some("powersave") {
+    let driver = fs::read_to_string("/sys/devices/system/cpu/cpu0/cpufreq/scaling_driver");
+    if is_slow_governor(machine.governor.as_deref(), driver.ok().as_deref()) {
         text += "; governor 'powersave' may slow it down: 'performance' is steadier";
         state = State::Note;
     }
@@ -77,6 +81,13 @@ fn processor_with(isa: Isa, fastest: Option<Isa>, algorithms: Algorithms) -> Fin
     Finding::new(PROCESSOR, state, text)
 }
 
+/// Whether the governor keeps the cores at their slowest. Drivers that leave the frequency to the processor call that
+/// `powersave`, too.
+fn is_slow_governor(governor: Option<&str>, driver: Option<&str>) -> bool {
+    let driver = driver.map(str::trim);
+    governor == Some("powersave") && !matches!(driver, Some("intel_pstate" | "amd-pstate-epp"))
+}
+
 /// The bundled clip through every stage of `infer`, at the size and quality of the settings.
 pub fn speed(engine: &EngineArgs) -> Finding {
     let threads = engine.most_threads();
@@ -104,7 +115,7 @@ impl Measured {
     /// too long for people to be followed to the next one, every picture is looked at.
     fn of_camera(&self, apart: Option<u64>) -> f64 {
         let apart = apart.map_or(0.0, |ns| ns as f64 * 1e-9);
-        if self.look < apart.max(NEAR_LOOK.into()) {
+        if self.look < apart.max(NEAR.into()) {
             self.picture
         } else {
             self.look
@@ -217,6 +228,27 @@ mod tests {
             text.contains("no AVX2") && !text.contains("EDGECAP_ISA"),
             "{text}"
         );
+    }
+
+    /// `intel_cpufreq` and `amd-pstate` are the same drivers where the kernel chooses.
+    #[test]
+    fn a_governor_is_slow_with_the_drivers_that_take_it_at_its_word() {
+        let powersave = |driver| is_slow_governor(Some("powersave"), driver);
+        for driver in [
+            "acpi-cpufreq\n",
+            "intel_cpufreq\n",
+            "amd-pstate\n",
+            "cpufreq-dt\n",
+        ] {
+            assert!(powersave(Some(driver)), "{driver}");
+            assert!(
+                !is_slow_governor(Some("schedutil"), Some(driver)),
+                "{driver}"
+            );
+        }
+        assert!(powersave(None));
+        assert!(!powersave(Some("intel_pstate\n")) && !powersave(Some("amd-pstate-epp\n")));
+        assert!(!is_slow_governor(None, None));
     }
 
     #[test]

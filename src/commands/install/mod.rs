@@ -1,10 +1,11 @@
 //! `edgecap install`: the service, for the machine or for one person, from files that this program carries.
 
+mod layout;
 mod pages;
 mod plan;
 mod step;
+mod unit;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use rustix::fs::Mode;
@@ -12,8 +13,9 @@ use rustix::process::{geteuid, umask};
 
 use super::exit::Failure;
 use super::say;
-use plan::{Layout, plan, program_of};
-use step::{Done, Loss, Step};
+use layout::{Layout, Other};
+use plan::plan;
+use step::{Done, Loss, Step, is_masked};
 
 pub use pages::{Shell, completions};
 
@@ -22,7 +24,7 @@ pub use pages::{Shell, completions};
 pub struct InstallArgs {
     #[command(flatten)]
     whose: Whose,
-    /// Take it away again; settings that were changed, recordings and the user stay
+    /// Take it away again; changed settings, recordings, changes to the unit and the user stay
     #[arg(long)]
     uninstall: bool,
     /// Print every file and command, and do nothing
@@ -79,12 +81,15 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
         Layout::user()?
     };
     let root = args.root.as_deref();
-    if !args.uninstall {
+    if args.uninstall {
+        expect_this(&layout, root)?;
+    } else {
         expect_no_mask(&layout, root)?;
         expect_no_other(&layout, root)?;
     }
     let steps = plan(&layout, args.uninstall, root)?;
     let mut lost = None;
+    let mut was_there = false;
     for step in &steps {
         let wanted = root.is_none() || !matches!(step, Step::Run { .. });
         let done = match args.dry_run {
@@ -92,6 +97,8 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
             false if wanted => step.take(root)?,
             _ => Done::Skipped,
         };
+        let is_of_file = !matches!(step, Step::Run { .. });
+        was_there |= is_of_file && matches!(done, Done::Removed | Done::Failed { .. });
         let mut line = format!("{:9} {}", done.word(), step.describe(root));
         if let Done::Failed { why, loss } = done {
             line = format!("{line}: {why}");
@@ -105,7 +112,11 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
         return Err(Failure::unavailable(without_service(args.uninstall, &why)).into());
     }
     if !args.dry_run && root.is_none() {
-        say::out(&last_words(&layout, args.uninstall));
+        say::out(&match (args.uninstall, was_there) {
+            (false, _) => how_to_go_on(&layout),
+            (true, true) => "edgecap is uninstalled".to_owned(),
+            (true, false) => "nothing was installed here".to_owned(),
+        });
     }
     Ok(())
 }
@@ -113,13 +124,13 @@ pub fn install(args: InstallArgs) -> anyhow::Result<()> {
 /// Refuses to install a service that somebody wants nobody to have.
 fn expect_no_mask(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
     let unit = below(root, &layout.mask());
-    match unit.canonicalize() {
-        Ok(to) if to == Path::new("/dev/null") => Err(Failure::unavailable(format!(
+    match is_masked(&unit) {
+        true => Err(Failure::unavailable(format!(
             "{} leads to /dev/null: the service is masked, which '{} unmask edgecap' ends; then install again",
             unit.display(),
             layout.systemctl()
         ))),
-        _ => Ok(()),
+        false => Ok(()),
     }
 }
 
@@ -128,21 +139,53 @@ fn expect_no_mask(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
 /// # Errors
 /// Exit code 69.
 fn expect_no_other(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
-    let Some(unit) = layout.comes_before() else {
-        return Ok(());
-    };
-    let unit = below(root, &unit);
-    let text = fs::read_to_string(&unit).unwrap_or_default();
-    // The same program is a copy that the administrator has changed; one of another name is the administrator's, too.
-    let is_other = |program: &PathBuf| program.ends_with("edgecap") && program != layout.program();
-    match program_of(&text).filter(is_other) {
-        Some(program) => Err(Failure::unavailable(format!(
-            "{} comes first, so that the service would run another installation: \
-             'sudo {} install --system --uninstall' takes that away, with its --prefix if it had one; then install again",
-            unit.display(),
-            program.display()
+    match layout.other(root).filter(|other| other.comes_before) {
+        Some(other) => Err(Failure::unavailable(format!(
+            "{} comes first, so that the service would run another installation: {}; then install again",
+            below(root, &other.unit).display(),
+            taken_away_by(&other)
         ))),
         None => Ok(()),
+    }
+}
+
+/// Refuses to uninstall what is not there while another installation is, whose settings and memory would go.
+///
+/// # Errors
+/// Exit code 69.
+fn expect_this(layout: &Layout, root: Option<&Path>) -> Result<(), Failure> {
+    let own = below(root, &layout.unit());
+    let is_there = own.exists() && !is_masked(&own);
+    match layout.other(root) {
+        Some(other) if !is_there || other.unit == layout.unit() => {
+            Err(Failure::unavailable(format!(
+                "expected the service of {}, found that of {} in {}: {}",
+                layout.program().display(),
+                other.program.display(),
+                below(root, &other.unit).display(),
+                taken_away_by(&other)
+            )))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What takes another installation away.
+fn taken_away_by(other: &Other) -> String {
+    let program = other.program.display();
+    let prefix = other.program.parent().filter(|bin| bin.ends_with("bin"));
+    let Some(prefix) = prefix.and_then(Path::parent) else {
+        return "'sudo systemctl disable --now edgecap' ends it, and its files are yours to remove"
+            .to_owned();
+    };
+    let uninstall = format!("'sudo {program} install --system --uninstall");
+    match prefix.to_str() {
+        Some("/usr/local") => format!("{uninstall}' takes that away"),
+        Some("/usr") => format!(
+            "'sudo apt remove edgecap' takes that away where a package has brought it, \
+             else {uninstall} --prefix /usr'"
+        ),
+        _ => format!("{uninstall} --prefix {}' takes that away", prefix.display()),
     }
 }
 
@@ -152,24 +195,30 @@ fn without_service(uninstall: bool, why: &str) -> String {
             format!("the files of edgecap are gone, but the service may still run ({why}); end it")
         }
         false => format!(
-            "the files of edgecap are there, but the service is not as it should be ({why}); mend that and install again, or use --root / where no systemd runs"
+            "the files of edgecap are there, but the service is not as it should be ({why}); \
+             mend that and install again, or use --root / where no systemd runs"
         ),
     }
 }
 
-fn last_words(layout: &Layout, uninstall: bool) -> String {
-    if uninstall {
-        return "edgecap is uninstalled".to_owned();
-    }
+/// What is to be done after an installation, with commands that this shell finds.
+fn how_to_go_on(layout: &Layout) -> String {
     let journalctl = match layout.is_system() {
         true => "journalctl",
         false => "journalctl --user",
     };
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    let mut folders = std::env::split_paths(&folders);
+    let program = match folders.any(|folder| Some(&*folder) == layout.program().parent()) {
+        true => Path::new("edgecap"),
+        false => layout.program(),
+    };
     format!(
         "edgecap is installed. Say which camera and lens in {}, then '{} restart edgecap'.\n\
-         'edgecap status' says how it is doing, '{journalctl} -u edgecap' what it said.",
+         '{} status' says how it is doing, '{journalctl} -u edgecap' what it said.",
         layout.config().display(),
-        layout.systemctl()
+        layout.systemctl(),
+        program.display()
     )
 }
 

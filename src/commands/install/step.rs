@@ -33,6 +33,13 @@ pub enum Step {
         path: PathBuf,
         /// [Digests](digest) of what it may hold unless it was changed.
         unless_changed_from: Option<Vec<String>>,
+        /// Its folders below these go with it once nothing is in them.
+        emptied_below: Vec<PathBuf>,
+    },
+    /// No folder where nothing is in it.
+    RemoveEmpty {
+        /// Where.
+        path: PathBuf,
     },
     /// No folder, whatever is in it.
     Clear {
@@ -141,7 +148,10 @@ impl Step {
                 };
                 format!("{} ({mode:o})", path.display())
             }
-            Self::Remove { path, .. } | Self::Clear { path } => {
+            Self::Remove { path, .. } if is_masked(&below(root, path)) => {
+                format!("{} (masked)", below(root, path).display())
+            }
+            Self::Remove { path, .. } | Self::RemoveEmpty { path } | Self::Clear { path } => {
                 below(root, path).display().to_string()
             }
             Self::Run { line, .. } => line.join(" "),
@@ -174,11 +184,12 @@ impl Step {
             Self::Remove {
                 path,
                 unless_changed_from,
+                ..
             } => {
                 let path = below(root, path);
                 let ours = match (fs::symlink_metadata(&path), unless_changed_from) {
                     (Err(e), _) => return unseen(&e),
-                    (Ok(meta), _) if meta.is_dir() => return Done::Kept,
+                    (Ok(meta), _) if meta.is_dir() || is_masked(&path) => return Done::Kept,
                     (Ok(_), None) => return Done::Removed,
                     (Ok(_), Some(ours)) => ours,
                 };
@@ -189,6 +200,14 @@ impl Step {
                         why: format!("whether it was changed cannot be seen: {e}"),
                         loss: Loss::Nothing,
                     },
+                }
+            }
+            Self::RemoveEmpty { path } => {
+                let path = below(root, path);
+                match fs::read_dir(&path).map(|mut entries| entries.next().is_none()) {
+                    Err(e) => unseen(&e),
+                    Ok(true) if !path.is_symlink() => Done::Removed,
+                    Ok(_) => Done::Kept,
                 }
             }
             Self::Clear { path } => match fs::symlink_metadata(below(root, path)) {
@@ -223,21 +242,29 @@ impl Step {
                     });
                 }
             }
-            Self::Remove { path, .. } if done == Done::Removed => {
-                let path = below(root, path);
-                fs::remove_file(&path).map_err(|e| Failure::output(&path, &e))?;
-                // Our own folder, if nothing else is in it.
-                if let Some(folder) = path.parent().filter(|f| f.ends_with("edgecap")) {
-                    let _ = fs::remove_dir(folder);
+            Self::Remove {
+                path,
+                emptied_below,
+                ..
+            } if done == Done::Removed => {
+                let file = below(root, path);
+                fs::remove_file(&file).map_err(|e| Failure::output(&file, &e))?;
+                let may_go = |folder: &&Path| {
+                    let is_inside = |f: &PathBuf| folder.starts_with(f) && folder != f;
+                    folder.ends_with("edgecap") || emptied_below.iter().any(is_inside)
+                };
+                for folder in path.ancestors().skip(1).take_while(may_go) {
+                    // One that holds something else.
+                    if fs::remove_dir(below(root, folder)).is_err() {
+                        break;
+                    }
                 }
             }
+            Self::RemoveEmpty { path } if done == Done::Removed => {
+                return Ok(removed(fs::remove_dir(below(root, path))));
+            }
             Self::Clear { path } if done == Done::Removed => {
-                if let Err(e) = fs::remove_dir_all(below(root, path)) {
-                    return Ok(Done::Failed {
-                        why: e.to_string(),
-                        loss: Loss::Nothing,
-                    });
-                }
+                return Ok(removed(fs::remove_dir_all(below(root, path))));
             }
             Self::Run { line, loss } => {
                 return match ran(line) {
@@ -297,6 +324,23 @@ fn write(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = AtomicFile::replacing_links(path)?;
     file.write_all(bytes)?;
     file.finish()
+}
+
+/// Whether somebody wants nobody to have a unit of this name (`systemctl mask`).
+pub fn is_masked(path: &Path) -> bool {
+    path.canonicalize()
+        .is_ok_and(|to| to == Path::new("/dev/null"))
+}
+
+/// What became of a folder whose loss is none.
+fn removed(result: io::Result<()>) -> Done {
+    match result {
+        Ok(()) => Done::Removed,
+        Err(e) => Done::Failed {
+            why: e.to_string(),
+            loss: Loss::Nothing,
+        },
+    }
 }
 
 /// What is to be removed and cannot be looked at.
