@@ -21,10 +21,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use clap::Parser;
 use edgecap::capture::{Frame, Letterbox, PhotoSource, Resizer, Source};
-use edgecap::commands::{Quality, photo_inputs};
 use edgecap::detect::{AssociationConfig, Associator, Detection, features};
 use edgecap::engine::{Engine, EngineOptions, Model};
 use edgecap::lab::eval::{ImageOks, JointSet, ReadOptions, TruthFrame, TruthSet, oks};
+use edgecap::schedule::inputs::{Quality, photo_inputs};
 use serde_json::json;
 
 #[derive(Debug, Parser)]

@@ -96,6 +96,19 @@ pub(crate) fn peak_memory_mb() -> Option<f64> {
     Some(kib * 1024.0 / 1e6)
 }
 
+/// How often the cores have been throttled for heat since the machine was started, as far as the kernel says.
+pub(crate) fn throttled() -> Option<u64> {
+    let cores = fs::read_dir("/sys/devices/system/cpu").ok()?;
+    let count = |core: std::io::Result<fs::DirEntry>| {
+        let count = core
+            .ok()?
+            .path()
+            .join("thermal_throttle/core_throttle_count");
+        fs::read_to_string(count).ok()?.trim().parse::<u64>().ok()
+    };
+    cores.filter_map(count).reduce(|a, b| a.saturating_add(b))
+}
+
 /// Forgets the peak so far; returns the resident memory now, or `None` where the system does not let us forget.
 pub(crate) fn reset_peak_memory() -> Option<f64> {
     fs::write("/proc/self/clear_refs", "5").ok()?;

@@ -1,6 +1,7 @@
-//! Walls of the house that the compiler does not hold: which room may name which.
+//! Walls of the house that the compiler does not hold: which room may name which, and that no two parts of a room need
+//! each other.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -15,6 +16,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("config", &[]),
     ("counted", &[]),
     ("http", &[]),
+    ("lru", &[]),
     ("machine", &[]),
     ("metrics", &[]),
     ("npz", &[]),
@@ -29,6 +31,11 @@ const ROOMS: &[(&str, &[&str])] = &[
     ("detect", &["assignment", "engine"]),
     ("flow", &["capture"]),
     ("lift", &["camera", "capture", "detect", "engine"]),
+    ("schedule", &["capture"]),
+    (
+        "follow",
+        &["capture", "detect", "engine", "flow", "lift", "schedule"],
+    ),
     ("overlay", &["capture", "output"]),
     // After shared memory: these never do.
     ("fit", &["assignment", "body", "camera", "solve"]),
@@ -101,28 +108,57 @@ fn rooms() -> Vec<(String, PathBuf)> {
         .collect()
 }
 
-/// Rooms that a file names, comments left out.
-fn named_in(file: &Path) -> BTreeSet<String> {
+/// What a file says, comments left out, and how deep below the crate its module is.
+fn code_of(file: &Path) -> (String, usize) {
     let text = fs::read_to_string(file).unwrap();
     let code = text.lines().filter(|l| !l.trim_start().starts_with("//"));
     let code: Vec<&str> = code.collect();
     let modules = file.strip_prefix(src()).unwrap().components().count();
     let depth = modules - usize::from(file.ends_with("mod.rs"));
-    named_by(&code.join("\n"), depth)
+    (code.join("\n"), depth)
+}
+
+/// Rooms that a file names.
+fn named_in(file: &Path) -> BTreeSet<String> {
+    let (code, depth) = code_of(file);
+    named_by(&code, depth)
 }
 
 /// What code in a module so deep below the crate names after `crate::`, or after as many `super::` as lead there.
 fn named_by(code: &str, depth: usize) -> BTreeSet<String> {
     let up = "super::".repeat(depth);
-    let paths = ["crate::", &up].map(|root| code.split(root).skip(1));
-    let parts = paths.into_iter().flatten().flat_map(parts_of);
-    let name = |part: &str| -> String {
-        let part = part.trim().trim_start_matches("r#");
-        part.chars()
+    let paths = ["crate::", &up].map(|root| paths_after(code, root));
+    names(paths.into_iter().flatten())
+}
+
+/// The same of a room's parts, which the code of a module so deep below the crate names.
+fn parts_named_by(code: &str, depth: usize, room: &str) -> BTreeSet<String> {
+    let (down, up) = (format!("{room}::"), "super::".repeat(depth - 1));
+    let from_crate = paths_after(code, "crate::");
+    let from_room = from_crate.filter_map(|path| path.trim().strip_prefix(&*down));
+    let from_room = from_room.flat_map(parts_of);
+    names(from_room.chain(paths_after(code, &up)))
+}
+
+/// Paths that follow `root`, a list of them one by one.
+fn paths_after<'a>(code: &'a str, root: &'a str) -> impl Iterator<Item = &'a str> {
+    let found = code.match_indices(root);
+    // A longer way up leads elsewhere.
+    let found = found.filter(|(at, _)| !code[..*at].ends_with("super::"));
+    let rests = found.map(|(at, root)| &code[at + root.len()..]);
+    let rests = rests.filter(|rest| !rest.starts_with("super::"));
+    rests.flat_map(parts_of)
+}
+
+/// What paths begin with.
+fn names<'a>(paths: impl Iterator<Item = &'a str>) -> BTreeSet<String> {
+    let name = |path: &str| -> String {
+        let path = path.trim().trim_start_matches("r#");
+        path.chars()
             .take_while(|c| c.is_alphanumeric() || *c == '_')
             .collect()
     };
-    parts.map(name).filter(|name| !name.is_empty()).collect()
+    paths.map(name).filter(|name| !name.is_empty()).collect()
 }
 
 /// What stands between the braces that a text begins with, parted by the commas that no other braces hold; the text
@@ -152,6 +188,122 @@ fn rooms_are_found_however_they_are_named() {
         fn f() { crate::solve::g(); super::output::h(); other(); }";
     let named = Vec::from_iter(named_by(code, 2));
     assert_eq!(named, ["body", "camera", "fit", "npz", "record", "solve"]);
+}
+
+#[test]
+fn parts_of_a_room_are_found_however_they_are_named() {
+    let code = "use crate::{\n    hall::{table, chair::Leg},\n    kitchen::oven,\n};\nuse super::{lamp, door::Handle};\n\
+        use crate::hall::shelf;\nfn f() { super::clock::g(); super::super::cellar::h(); crate::hall::bell(); }";
+    let named = Vec::from_iter(parts_named_by(code, 2, "hall"));
+    let expected = ["bell", "chair", "clock", "door", "lamp", "shelf", "table"];
+    assert_eq!(named, expected);
+}
+
+/// What the parts of a room need of each other, by name, each with a file that says so.
+type Needs = BTreeMap<String, BTreeMap<String, PathBuf>>;
+
+/// Those of a room in a folder.
+fn needs(room: &str, folder: &Path) -> Needs {
+    let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
+    let name = |path: &PathBuf| path.file_stem().unwrap().to_str().unwrap().to_owned();
+    let is_part = |path: &PathBuf| path.is_dir() || path.extension().is_some_and(|e| e == "rs");
+    let entries = entries.filter(is_part);
+    let parts: BTreeMap<String, PathBuf> = entries.map(|path| (name(&path), path)).collect();
+    let mut needs = Needs::new();
+    for (part, path) in parts.iter().filter(|(part, _)| *part != "mod") {
+        let needed = needs.entry(part.clone()).or_default();
+        for file in files(path) {
+            let (code, depth) = code_of(&file);
+            let named = parts_named_by(&code, depth, room).into_iter();
+            let others = named.filter(|name| name != part && parts.contains_key(name));
+            needed.extend(others.map(|name| (name, file.clone())));
+        }
+    }
+    needs
+}
+
+/// Parts that need each other in a circle, if there are any: from one of them back to it.
+fn circle(mut needs: Needs) -> Option<Vec<String>> {
+    let is_free = |needs: &Needs, part: &String| {
+        let mut needed = needs[part].keys();
+        !needed.any(|other| needs.contains_key(other))
+    };
+    while let Some(free) = needs.keys().find(|part| is_free(&needs, part)).cloned() {
+        needs.remove(&free);
+    }
+    let mut way = vec![needs.keys().next()?.clone()];
+    loop {
+        let mut needed = needs[way.last().unwrap()].keys();
+        let next = needed.find(|other| needs.contains_key(*other)).unwrap();
+        let met = way.iter().position(|part| part == next);
+        way.push(next.clone());
+        if let Some(met) = met {
+            return Some(way.split_off(met));
+        }
+    }
+}
+
+#[test]
+fn circles_are_found() {
+    let needs = |all: &[(&str, &[&str])]| -> Needs {
+        let each = all.iter().map(|(part, needed)| {
+            let needed = needed
+                .iter()
+                .map(|other| (other.to_string(), PathBuf::new()));
+            (part.to_string(), needed.collect())
+        });
+        each.collect()
+    };
+    let pile: &[(&str, &[&str])] = &[("a", &["b", "c"]), ("b", &["c"]), ("c", &[])];
+    assert_eq!(circle(needs(pile)), None);
+    let tangle: &[(&str, &[&str])] = &[
+        ("a", &["b"]),
+        ("b", &["e", "c"]),
+        ("c", &["d"]),
+        ("d", &["b"]),
+        ("e", &[]),
+    ];
+    let found = circle(needs(tangle)).unwrap();
+    assert_eq!(found, ["b", "c", "d", "b"]);
+}
+
+/// Of two parts that need each other neither can be read, tested or moved alone.
+#[test]
+fn no_two_parts_of_a_room_need_each_other() {
+    let mut found = 0;
+    for (room, path) in rooms().iter().filter(|(_, path)| path.is_dir()) {
+        let needs = needs(room, path);
+        found += needs.values().map(BTreeMap::len).sum::<usize>();
+        let Some(circle) = circle(needs.clone()) else {
+            continue;
+        };
+        let steps = circle.windows(2);
+        let steps =
+            steps.map(|two| format!("{} names {}", needs[&two[0]][&two[1]].display(), two[1]));
+        panic!(
+            "src/{room} has parts that need each other, {}: move what both need into a file below both. {}",
+            circle.join(" → "),
+            Vec::from_iter(steps).join("; ")
+        );
+    }
+    assert!(found > 500, "{found} needs were found");
+}
+
+/// What is decided by times is tested with times that a test makes up.
+#[test]
+fn the_schedule_has_no_clock() {
+    let all = files(&src().join("schedule"));
+    assert!(all.len() > 8, "{all:?}");
+    for file in all {
+        let (code, _) = code_of(&file);
+        for clock in ["Instant", "SystemTime", "monotonic_ns"] {
+            assert!(
+                !code.contains(clock),
+                "{} holds {clock}: expected times from who calls",
+                file.display()
+            );
+        }
+    }
 }
 
 #[test]
@@ -444,6 +596,54 @@ fn packed_documents_link_to_what_is_packed() {
         }
     }
     assert!(followed > 50, "{followed} links were found");
+}
+
+/// A placeholder that waits for its row is no row.
+#[test]
+fn no_row_waits_to_be_written() {
+    for document in documents() {
+        let text = fs::read_to_string(&document).unwrap();
+        let waiting = text.lines().find(|line| {
+            let word = line.trim_matches(|c: char| c == '|' || c.is_whitespace());
+            word.ends_with("ROW") && word.chars().all(|c| c.is_ascii_uppercase())
+        });
+        assert_eq!(waiting, None, "{}", document.display());
+    }
+}
+
+/// The cell of a table's row, by the row's first cell.
+fn cell<'a>(text: &'a str, row: &str, column: usize) -> &'a str {
+    let cells = |line: &'a str| line.split('|').map(str::trim).collect::<Vec<_>>();
+    let mut rows = text.lines().map(cells);
+    let found = rows.find(|cells| cells.get(1).is_some_and(|first| first.ends_with(row)));
+    found.unwrap_or_else(|| panic!("no row '{row}'"))[column]
+}
+
+/// Shares of time on one page are those of the times that the other page names as their source.
+#[test]
+fn shares_of_time_are_those_of_the_table_they_name() {
+    let docs = src().with_file_name("docs");
+    let page = |name: &str| fs::read_to_string(docs.join(name)).unwrap();
+    let (accuracy, performance) = (page("accuracy.md"), page("performance.md"));
+    let time = |row: &str| -> f64 {
+        let cell = cell(&performance, row, 4);
+        cell.trim_end_matches(" ms").parse().unwrap()
+    };
+    let whole = time("`infer`, as it comes");
+    for (row, timed) in [
+        ("15 a second", "`infer --looks 15`"),
+        (
+            "`--quality fast`: 15 a second, from 384×240 on",
+            "`infer --quality fast`",
+        ),
+    ] {
+        let told: f64 = cell(&accuracy, row, 5).parse().unwrap();
+        let is = time(timed) / whole;
+        assert!(
+            (told - is).abs() <= 0.006,
+            "{row}: {told} is told, {is:.3} measured"
+        );
+    }
 }
 
 /// A line that tells to run tests tells it so that Cargo finds them.

@@ -6,6 +6,7 @@ mod seeds;
 #[path = "../fuzz/src/targets.rs"]
 mod targets;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -143,6 +144,68 @@ fn long_damage() {
             check(*target, &format!("{name}, damage {k}"), &bytes);
         }
     });
+}
+
+fn manifest(path: &str) -> toml::Table {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
+    fs::read_to_string(path).unwrap().parse().unwrap()
+}
+
+/// Nothing else builds `fuzz/` on the stable compiler: a target that libFuzzer is not told of would never be fuzzed.
+#[test]
+fn libfuzzer_has_every_target() {
+    let mut targets: BTreeSet<&str> = TARGETS.iter().map(|(name, _)| *name).collect();
+    targets.insert("mp4");
+    let manifest = manifest("fuzz/Cargo.toml");
+    let programs = manifest["bin"].as_array().unwrap();
+    let names = programs.iter().map(|bin| bin["name"].as_str().unwrap());
+    assert_eq!(names.collect::<BTreeSet<_>>(), targets);
+    assert_eq!(programs.len(), targets.len(), "each once");
+    for bin in programs {
+        let (name, path) = (bin["name"].as_str().unwrap(), bin["path"].as_str().unwrap());
+        assert_eq!(path, format!("fuzz_targets/{name}.rs"));
+        let text = fs::read_to_string(folder("", path)).unwrap();
+        let call = format!("edgecap_fuzz::targets::{name}(data)");
+        assert!(
+            text.contains(&call),
+            "{path}: expected {call}, found {text}"
+        );
+        let features = bin.get("required-features").is_some();
+        assert_eq!(features, name == "mp4", "{name} needs features: {features}");
+    }
+    let files = fs::read_dir(folder("", "fuzz_targets")).unwrap();
+    assert_eq!(files.count(), targets.len(), "a file for each target");
+}
+
+/// Here `fuzz/src` is built with the dependencies of the main workspace.
+#[test]
+fn fuzz_names_every_crate_that_it_uses() {
+    let word = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    let (own, fuzz) = (manifest("Cargo.toml"), manifest("fuzz/Cargo.toml"));
+    let named = fuzz["dependencies"].as_table().unwrap();
+    let kinds = ["dependencies", "dev-dependencies"].map(|kind| own[kind].as_table().unwrap());
+    let crates = kinds
+        .iter()
+        .flat_map(|kind| kind.keys().map(String::as_str));
+    let crates: Vec<&str> = crates.chain(["edgecap"]).collect();
+    let mut used = BTreeSet::new();
+    for file in ["seeds.rs", "targets.rs"] {
+        let text = fs::read_to_string(folder("src", file)).unwrap();
+        for name in &crates {
+            let root = format!("{}::", name.replace('-', "_"));
+            let mut places = text.match_indices(&root);
+            if places.any(|(at, _)| !text[..at].ends_with(word)) {
+                used.insert(*name);
+            }
+        }
+    }
+    assert!(used.contains("edgecap") && used.len() > 4, "{used:?}");
+    for name in used {
+        assert!(
+            named.contains_key(name),
+            "fuzz/Cargo.toml: expected {name} among its dependencies"
+        );
+    }
 }
 
 /// What lies in a folder of another name is never run again.

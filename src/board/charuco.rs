@@ -3,7 +3,7 @@
 use calib_targets_charuco::{CharucoCorner, CharucoDetector, CharucoParams, GrayImageView};
 use glam::DVec2;
 
-use super::find::{Corner, Miss};
+use super::corner::{Corner, Miss};
 use super::front::front;
 use super::pattern::Marked;
 

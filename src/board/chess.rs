@@ -7,7 +7,7 @@ use calib_targets_chessboard::{
 };
 use glam::DVec2;
 
-use super::find::{Corner, Miss};
+use super::corner::{Corner, Miss};
 use super::front::front;
 
 /// A board counts with so many of its corners.

@@ -6,9 +6,11 @@
 
 mod charuco;
 mod chess;
+mod corner;
 mod find;
 mod front;
 mod pattern;
 
-pub use find::{Corner, Finder, Miss};
+pub use corner::{Corner, Miss};
+pub use find::Finder;
 pub use pattern::{Board, Marked};

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::natural::natural_order;
-use super::photo::{is_jpeg, is_png};
+use super::signature::{is_jpeg, is_png};
 
 /// Names that are listed of each kind.
 const MOST_NAMED: usize = 3;

@@ -3,10 +3,11 @@
 
 use std::io::{BufRead, Read};
 
-use super::camera::PixelFormat;
+use super::decode::PixelFormat;
+use super::drawn::{Drawing, next_drawn};
 use super::error::CaptureError;
 use super::frame::Frame;
-use super::raw::{RawDecoder, RawPicture};
+use super::raw::RawPicture;
 use super::source::Source;
 
 /// Most bytes that are looked through for the end of a picture: damage must not ask for all the memory there is.
@@ -25,8 +26,7 @@ pub struct MjpegReader<R> {
     /// The start of the next picture has been read already.
     has_begun: bool,
     ended: bool,
-    raw: RawPicture,
-    decoder: RawDecoder,
+    drawing: Drawing,
 }
 
 /// What was found where a picture is wanted.
@@ -49,8 +49,7 @@ impl<R: BufRead> MjpegReader<R> {
             index: 0,
             has_begun: false,
             ended: false,
-            raw: RawPicture::default(),
-            decoder: RawDecoder::default(),
+            drawing: Drawing::default(),
         }
     }
 
@@ -110,14 +109,7 @@ fn marker(reader: &mut impl BufRead, bytes: &mut Vec<u8>) -> std::io::Result<Opt
 
 impl<R: BufRead + Send> Source for MjpegReader<R> {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
-        let mut raw = std::mem::take(&mut self.raw);
-        let mut read = self.next_raw(&mut raw);
-        if matches!(read, Ok(true)) {
-            let drawn = self.decoder.decode_of(&self.name, &mut raw, frame);
-            read = drawn.map(|()| true);
-        }
-        self.raw = raw;
-        read
+        next_drawn(self, |own| &mut own.drawing, frame)
     }
 
     fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {

@@ -3,9 +3,10 @@
 
 use std::time::{Duration, Instant};
 
+use super::drawn::{Drawing, next_drawn};
 use super::error::CaptureError;
 use super::frame::Frame;
-use super::raw::{RawDecoder, RawPicture};
+use super::raw::RawPicture;
 use super::source::Source;
 use crate::camera::Clock;
 
@@ -42,8 +43,7 @@ pub struct PacedSource<O, C> {
     /// Whether it was said that the film is cut off.
     has_told_of_cut: bool,
     /// For who wants the pictures decoded.
-    decoder: RawDecoder,
-    raw: RawPicture,
+    drawing: Drawing,
 }
 
 impl<O, C> PacedSource<O, C>
@@ -72,8 +72,7 @@ where
             damaged: None,
             failed: None,
             has_told_of_cut: false,
-            decoder: RawDecoder::default(),
-            raw: RawPicture::default(),
+            drawing: Drawing::default(),
         })
     }
 
@@ -156,19 +155,7 @@ where
     C: Clock,
 {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
-        let mut raw = std::mem::take(&mut self.raw);
-        let decoded = self.next_raw(&mut raw).and_then(|more| {
-            if more {
-                let drawn = self.decoder.decode(&mut raw, frame);
-                drawn.map_err(|reason| CaptureError::Picture {
-                    input: format!("{}, frame {}", self.name(), raw.sequence),
-                    reason,
-                })?;
-            }
-            Ok(more)
-        });
-        self.raw = raw;
-        decoded
+        next_drawn(self, |own| &mut own.drawing, frame)
     }
 
     /// The newest picture that is due, of those that can be read within a step; those before it are not decoded. Where

@@ -13,14 +13,13 @@ use super::exif::Orientation;
 use super::frame::Frame;
 use super::jpeg::JpegPicture;
 use super::limits::{MAX_SIDE, check_size};
+use super::signature::{PNG_START, is_jpeg, is_png};
 use super::source::Source;
 
 /// Largest photo file that is read, bytes.
 const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Most memory that a PNG may take while it is unpacked: 8000 × 8000 pixels of 16-bit RGBA and the decoder's own.
 const MAX_PNG_BYTES: u64 = 1 << 30;
-/// What a PNG begins with.
-const PNG_START: &[u8] = b"\x89PNG\r\n\x1a\n";
 /// Time between photos of a folder when nothing else is known: most folders of numbered pictures are 30 Hz films.
 const DEFAULT_FPS: f64 = 30.0;
 /// Colour behind transparent pixels: the one that also pads the network's input.
@@ -218,16 +217,6 @@ impl PhotoDecoder {
         }
         Ok(orientation)
     }
-}
-
-/// Whether the first bytes are those of a JPEG.
-pub(crate) fn is_jpeg(bytes: &[u8]) -> bool {
-    bytes.starts_with(&[0xFF, 0xD8, 0xFF])
-}
-
-/// Whether the first bytes are those of a PNG.
-pub(crate) fn is_png(bytes: &[u8]) -> bool {
-    bytes.starts_with(PNG_START)
 }
 
 /// The EXIF block of a PNG that stands behind its pixels, where some programs append it.

@@ -1,7 +1,7 @@
 //! A picture as its source sends it, and turning it into colours or brightness when somebody wants to see it.
 
 use super::brightness::Brightness;
-use super::camera::{PictureDecoder, PixelFormat, RawLayout};
+use super::decode::{PictureDecoder, PixelFormat, RawLayout};
 use super::error::CaptureError;
 use super::frame::Frame;
 use super::jpeg::JpegPicture;

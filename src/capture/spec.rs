@@ -8,7 +8,7 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Component, Path, PathBuf};
 use std::str::FromStr;
 
-use super::camera::{CameraSource, ControlSetting, list_cameras};
+use super::camera::{CameraSource, OpenOptions, list_cameras};
 use super::error::{CaptureError, name_of};
 use super::pipe::PipeSource;
 use super::source::Source;
@@ -72,17 +72,6 @@ impl fmt::Display for InputSpec {
             Self::Path(path) => path.display().fmt(f),
         }
     }
-}
-
-/// Wishes about an input; a source that cannot fulfil one goes on without it.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct OpenOptions {
-    /// Width and height asked of a camera, pixels.
-    pub size: Option<(u32, u32)>,
-    /// Pictures per second asked of a camera, or at which a folder's photos or a raw film were taken.
-    pub fps: Option<f64>,
-    /// What to set on a camera, in this order.
-    pub controls: Vec<ControlSetting>,
 }
 
 /// Opens an input. What a path is, its bytes say, and its name only where they do not.

@@ -12,6 +12,7 @@ use super::pipeline::usual;
 use super::say;
 use crate::engine::{Model, ModelError, Network, NetworkError};
 use crate::lab::bench::{BenchOptions, Subject, SubjectError, certify};
+use crate::schedule::size::parse_size;
 
 /// Options of `edgecap bench`.
 #[derive(Debug, clap::Args)]
@@ -28,7 +29,7 @@ pub struct BenchArgs {
     )]
     networks: Vec<String>,
     /// Network input size, multiples of 16 [default: 512x320, or what all networks take next to it]
-    #[arg(long, value_name = "WxH", value_parser = super::infer::parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(usize, usize)>,
     /// Numbers of threads to measure with; 1 and all cores when not given
     #[arg(

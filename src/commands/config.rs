@@ -7,9 +7,8 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::doctor::held_back;
-use super::run::RunArgs;
 use super::say;
-use super::settings::{self, ConfigArgs, Effective, Origins, Settings};
+use super::settings::{self, ConfigArgs, Effective, Origins, RunArgs, Settings};
 use crate::config::Origin;
 
 /// Columns that a key and its value take before what is said of it.

@@ -11,16 +11,15 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{Message, Subscriber};
 
+use super::event_settings::read as read_settings;
 use super::exit::Failure;
 use super::input::{DEFAULT_NAME, stream_name};
 use super::say;
 use super::stop::Stop;
 use super::watch::Absence;
-use crate::bounded;
 use crate::capture::STDIN;
-use crate::config::{Mistake, Setting};
 use crate::counted::counted;
-use crate::events::{EventConfig, Line};
+use crate::events::Line;
 use crate::record::{self, BodyReader};
 use crate::sink::{EventSink, Sinks};
 
@@ -56,7 +55,7 @@ pub struct EventsArgs {
 /// that cannot be written, and shared memory that fails.
 pub fn events(args: EventsArgs) -> anyhow::Result<()> {
     let stop = Stop::on_signals()?;
-    let config = args.settings.as_deref().map(read).transpose()?;
+    let config = args.settings.as_deref().map(read_settings).transpose()?;
     if config.is_none() && args.input.is_none() {
         return follow(&args.camera, &stop, |frame: &EventFrame| {
             match is_end(frame.flags) {
@@ -314,40 +313,6 @@ fn print_all(waiting: &Receiver<Told>) -> anyhow::Result<()> {
 /// that has told fewer is another publisher.
 fn lost_before(had: Option<u64>, first: u64) -> u64 {
     had.map_or(0, |had| first.checked_sub(had).unwrap_or(first))
-}
-
-/// These settings, or those of a file, or the usual ones.
-///
-/// # Errors
-/// If the file cannot be read, or what is wrong with them.
-pub fn config(setting: Option<&Setting<EventConfig>>) -> anyhow::Result<EventConfig> {
-    match setting {
-        None => Ok(EventConfig::default()),
-        Some(Setting::Given(config)) => match config.mistake() {
-            Some(mistake) => Err(Failure::config(format!("events: {mistake}")).into()),
-            None => Ok(config.clone()),
-        },
-        Some(Setting::File(path)) => read(path),
-    }
-}
-
-/// Reads a file of settings.
-///
-/// # Errors
-/// If it cannot be read, or what is wrong with it.
-pub fn read(path: &Path) -> anyhow::Result<EventConfig> {
-    let name = path.display().to_string();
-    let text = bounded::read_text(path, bounded::SETTINGS).map_err(|e| {
-        Failure::config(format!(
-            "cannot read {name}: {e}; expected settings of events (--events; --settings of 'edgecap events'), check the path"
-        ))
-    })?;
-    let config: EventConfig =
-        toml::from_str(&text).map_err(|e| Mistake::refused(&name, &text, &e))?;
-    match config.mistake() {
-        Some(mistake) => Err(Failure::config(format!("{name}: {mistake}")).into()),
-        None => Ok(config),
-    }
 }
 
 #[cfg(test)]

@@ -17,11 +17,14 @@ mod config;
 mod doctor;
 mod empty;
 mod eval;
+mod event_settings;
 mod events;
 mod exit;
 mod export;
 mod fit;
+mod fit_settings;
 mod followed;
+mod health;
 mod infer;
 mod input;
 mod install;
@@ -51,6 +54,7 @@ mod tally;
 mod threads;
 mod view;
 mod view_file;
+mod views;
 mod watch;
 
 use std::ffi::{OsStr, OsString};
@@ -58,8 +62,6 @@ use std::os::unix::ffi::OsStrExt;
 
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-
-pub use infer::{Quality, photo_inputs};
 
 /// Motion capture of everyone in front of ordinary cameras, on a CPU, into shared memory.
 #[derive(Debug, Parser)]
@@ -73,13 +75,13 @@ struct Cli {
     #[command(subcommand)]
     verb: Option<Verb>,
     #[command(flatten)]
-    run: run::RunArgs,
+    run: settings::RunArgs,
 }
 
 #[derive(Debug, Subcommand)]
 enum Verb {
     /// Start and supervise infer and fit; the default
-    Run(Box<run::RunArgs>),
+    Run(Box<settings::RunArgs>),
     /// Show the bodies that a running camera publishes
     Watch(watch::WatchArgs),
     /// Show the bodies that running cameras publish in three dimensions on a page in the browser, and hand them on over

@@ -16,11 +16,14 @@ use crate::sink::{PatientRecord, RecordSink, SinkError, Sinks, is_full_or_away};
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RecordArgs {
-    /// Write one line of JSON per frame to this file; '-' for standard output
+    /// Write one line of JSON per frame to this file; '-' for standard output [default, where --record is not given
+    /// either: of a film, photos or a pipe edgecap-out/NAME.bodies.jsonl of 'run', and of 'infer' without --name and
+    /// --overlay edgecap-out/NAME.observations.jsonl]
     #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub jsonl: Option<PathBuf>,
     /// Write the same in binary, a third of the size; what reads one reads the other: of bodies (run, fit) 'export',
-    /// 'replay' and 'view --record', of observations (infer) 'fit --input'
+    /// 'plot', 'replay', 'events', 'eval' and 'view --record', of observations (infer) 'fit --input', 'multiview',
+    /// 'calibrate', 'replay' and 'eval'
     #[arg(long, value_name = "FILE", value_parser = path_in_words())]
     pub record: Option<PathBuf>,
 }

@@ -4,14 +4,15 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context;
-use edgecap_client::message::{Intrinsics, Observation, StageTimes};
+use edgecap_client::message::{Intrinsics, StageTimes};
 
 use super::exit::Failure;
 use crate::capture::{Crop, Frame, Letterbox, Resizer};
 use crate::config::Mistake;
-use crate::detect::{AssociationConfig, Associator, Detection};
+use crate::detect::{AssociationConfig, Associator};
 use crate::engine::{Engine, EngineOptions, FlipTest, Isa, Maps, Model, Network, Precision};
-use crate::lift::{Encodings, Lifter};
+use crate::follow::Found;
+use crate::lift::{Encodings, FrameObservations, Lifter};
 
 /// What to say where no vector kernels run.
 pub(super) const SCALAR_ONLY: &str = "only scalar kernels are left, a picture takes seconds: expected a CPU with SSE4.1 or newer (or ARM), or EDGECAP_ISA unset";
@@ -58,17 +59,6 @@ pub struct Pipeline {
     /// Of the last frame: where it lies in what the engine takes, and how long its stages took.
     letterbox: Letterbox,
     times: StageTimes,
-}
-
-/// Everyone seen in a frame.
-#[derive(Debug)]
-pub struct FrameObservations<'a> {
-    /// The people, by falling score.
-    pub people: &'a [Observation],
-    /// People left out because their neck was not found.
-    pub without_neck: u32,
-    /// Time spent per stage.
-    pub times: StageTimes,
 }
 
 impl Pipeline {
@@ -242,9 +232,13 @@ impl Pipeline {
         self.associator.config().max_people
     }
 
-    /// Everyone in the last frame before lifting, and where the frame lies in the input that they are in.
-    pub fn found(&self) -> (&[Detection], Letterbox) {
-        (self.associator.found(), self.letterbox)
+    /// Everyone in the last frame before lifting.
+    pub fn found(&self) -> Found<'_> {
+        Found {
+            people: self.associator.found(),
+            letterbox: self.letterbox,
+            without_neck: self.associator.without_neck(),
+        }
     }
 
     /// Stage II.
@@ -346,7 +340,6 @@ fn lifter(model: &Model, isa: Isa) -> anyhow::Result<Lifter> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::infer::{EngineArgs, Pipelines};
 
     #[test]
     fn inputs_are_the_nearest_that_the_network_takes() {
@@ -357,41 +350,5 @@ mod tests {
         assert_eq!(nearest((512, 320), &[12]), (504, 312));
         assert_eq!(nearest((256, 160), &[512]), (512, 512));
         assert_eq!(nearest((512, 320), &[16, 24]), (528, 336));
-    }
-
-    #[test]
-    fn a_network_of_other_multiples_needs_no_size() {
-        let mut model = Model::shipped().unwrap();
-        let text = model.network().source();
-        let other = text.replace("multiple = 16", "multiple = 48");
-        assert_ne!(text, other);
-        model.network = Network::parse(&other).unwrap();
-        model.contract.input.size_multiple = 48;
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("other.ecm");
-        model.save(&path).unwrap();
-        let engine = EngineArgs {
-            model: Some(path),
-            threads: Some(1),
-            ..EngineArgs::default()
-        };
-        engine.expect_model().unwrap();
-        let picture = Frame {
-            width: 64,
-            height: 40,
-            rgb: vec![128; 3 * 64 * 40],
-            ..Frame::default()
-        };
-        let intrinsics = Intrinsics::from_horizontal_fov(64, 40, 60.0);
-        for is_film in [true, false] {
-            let mut stages = Pipelines::new(&engine, is_film, None).unwrap();
-            stages.process(&picture, &intrinsics).unwrap();
-        }
-        let asked = EngineArgs {
-            size: Some("512x320".parse().unwrap()),
-            ..engine
-        };
-        let refused = Pipelines::new(&asked, true, None).err().unwrap();
-        assert!(refused.to_string().contains("multiples of 48"), "{refused}");
     }
 }

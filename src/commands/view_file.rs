@@ -1,5 +1,6 @@
 //! One view's file: a record, JSON lines, or a film that is looked at first.
 
+use std::ffi::OsString;
 use std::io::{BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -357,14 +358,12 @@ pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<Look
     let mut command = Command::new(std::env::current_exe()?);
     command
         .arg("infer")
-        .arg("--input")
-        .arg(film)
-        .arg("--record")
-        .arg(record)
+        .arg(option("--input", film))
+        .arg(option("--record", record))
         // Without a name there is no stream, which nobody would read and which not every machine has room for.
         .args(["--quality", "best", "--asked"]);
     if let Some(lens) = &lens {
-        command.arg("--camera").arg(lens.path());
+        command.arg(option("--camera", lens.path()));
     }
     if let Some(threads) = threads::given() {
         command.args(["--threads", &threads.to_string()]);
@@ -389,6 +388,14 @@ pub fn look(film: &Path, fov: Option<f64>, record: &Path) -> anyhow::Result<Look
         ));
     }
     Ok(looked)
+}
+
+/// An option and its file as one argument: a file whose name begins with '-' would be taken for another option.
+fn option(name: &str, file: &Path) -> OsString {
+    let mut option = OsString::from(name);
+    option.push("=");
+    option.push(file);
+    option
 }
 
 /// How many frames a record of a film reaches to, and how many the film says it has, where these are more. Some films

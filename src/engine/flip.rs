@@ -1,7 +1,7 @@
 //! The flip test: a picture and its mirror image go through the network, the mean of what it says of both comes out.
 
 use edgecap_client::joints::{
-    BODY_JOINTS, EVIDENCE_JOINTS, LIMB_JOINTS, LIMBS, MIRROR, MIRROR_BODY,
+    BODY_JOINTS, EVIDENCE_JOINTS, LIMB_JOINTS, LIMBS, MIRROR, MIRROR_BODY, limb_to,
 };
 
 use super::maps::{HEAD2D_CHANNELS, HEAD3D_CHANNELS, Maps};
@@ -42,11 +42,7 @@ const HEAD3D: [Channel; HEAD3D_CHANNELS] = {
 
 /// The limb on the other side of the body (itself on the midline).
 const fn other_side(limb: usize) -> usize {
-    let mut k = 0;
-    while LIMB_JOINTS[k].0 != MIRROR[LIMB_JOINTS[limb].0] {
-        k += 1;
-    }
-    k
+    limb_to(MIRROR[LIMB_JOINTS[limb].0])
 }
 
 /// Runs an engine over a picture and its mirror image and takes the mean of the maps: the flip test of pose estimation

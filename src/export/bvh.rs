@@ -14,9 +14,6 @@ const CM: f64 = 100.0;
 /// Decimals: a thousandth of a millimetre, a millionth of a degree.
 const PLACES: usize = 6;
 
-/// Bytes of the numbers of a step.
-pub const ROW: usize = size_of::<[f64; 3 + 3 * RIG_BONES]>();
-
 /// Writes the file's text step by step: the first pose is held for `held` of them before the motion.
 ///
 /// # Errors

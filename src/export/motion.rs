@@ -2,7 +2,6 @@
 
 use glam::{DQuat, DVec3};
 
-use super::bvh;
 use super::error::ExportError;
 use super::size;
 use super::take::{Sample, Take};
@@ -16,6 +15,8 @@ const HELD: f64 = 1.0;
 
 /// Steps around a sample in which somebody is taken to be there.
 const NEAR: f64 = 1.5;
+/// Bytes of a step's numbers in a `.bvh`.
+const BVH_ROW: usize = size_of::<[f64; 3 + 3 * RIG_BONES]>();
 /// One of so many frames may have a foot below the ground: what was fitted wrong must not lift everybody.
 const ONE_BELOW: usize = 100;
 
@@ -69,7 +70,7 @@ impl Motion {
     /// [`ExportError::Format`].
     pub(super) fn expect(take: &Take, rate: f64, held: f64) -> Result<(), ExportError> {
         let steps: f64 = take.people.values().map(|s| steps(take, s, rate)).sum();
-        let bytes = steps * size_of::<Moment>() as f64 + held * bvh::ROW as f64;
+        let bytes = steps * size_of::<Moment>() as f64 + held * BVH_ROW as f64;
         size::expect(bytes, || {
             format!("{} steps of {:.6} s", steps + held, 1.0 / rate)
         })

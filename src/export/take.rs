@@ -5,6 +5,7 @@ use std::io::BufRead;
 
 use super::error::ExportError;
 use super::size;
+use crate::joints::{L_ANKLE, L_FOOT_TIP, R_ANKLE, R_FOOT_TIP};
 use crate::message::{Body, BodyFrame, World};
 use crate::record::BodyReader;
 use crate::record::clock::{RATE, Stamp, seconds, usual_rate};
@@ -14,7 +15,7 @@ const MOST_RATE: f64 = 1e3;
 /// People listed in an error.
 const MOST_LISTED: usize = 20;
 /// Joints of which one is on the ground: the ankles, and the tips of the feet.
-const FEET: [usize; 4] = [10, 13, 19, 20];
+const FEET: [usize; 4] = [R_ANKLE, L_ANKLE, R_FOOT_TIP, L_FOOT_TIP];
 
 /// A frame, without its people.
 #[derive(Debug, Clone, Copy)]

@@ -1,6 +1,7 @@
 //! Stage II: detections go in, observations (full 3D per person) come out. XNect §4.2.
 
 mod error;
+mod frame;
 mod input;
 mod lifter;
 mod mlp;
@@ -10,5 +11,6 @@ mod view;
 mod weights;
 
 pub use error::LiftError;
+pub use frame::FrameObservations;
 pub use lifter::{Encodings, Lifter};
 pub use weights::{INPUTS, JOINT_INPUTS, OUTPUTS};

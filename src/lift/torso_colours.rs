@@ -1,6 +1,6 @@
 //! A picture and a person's joints go in, colour histograms of the torso come out; XNect §5.1.
 
-use edgecap_client::joints::{EVIDENCE_JOINTS, NECK};
+use edgecap_client::joints::{EVIDENCE_JOINTS, HIPS, NECK, SHOULDERS};
 use edgecap_client::message::APPEARANCE_BINS;
 
 use crate::capture::Frame;
@@ -8,8 +8,6 @@ use crate::capture::Frame;
 /// Hue and saturation histograms.
 pub(crate) type Histograms = ([f32; APPEARANCE_BINS], [f32; APPEARANCE_BINS]);
 
-const SHOULDERS: [usize; 2] = [2, 5];
-const HIPS: [usize; 2] = [8, 11];
 /// Shorter side of the box over the longer: a torso seen from the side has shoulders and hips on one line.
 const LEAST_SIDE: f32 = 0.35;
 /// Part of the box left off at each side, where background shows.

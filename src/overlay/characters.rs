@@ -3,10 +3,10 @@
 use super::dots::{Dots, Glyphs};
 use super::palette::colour_of;
 use super::skeleton::{Person, Skeleton};
-use edgecap_client::joints::BODY_JOINTS;
+use edgecap_client::joints::{BODY_JOINTS, HEAD, HEAD_TOP};
 
-/// Indices of the body joints `head_top` and `head`.
-const HEAD: [usize; 2] = [0, 16];
+/// The circle of the head is drawn about these.
+const OF_HEAD: [usize; 2] = [HEAD_TOP, HEAD];
 
 /// Room for skeletons in a terminal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +58,7 @@ fn draw(dots: &mut Dots, skeleton: &Skeleton, scale: f32) {
         }
     }
     if skeleton.joints.len() == BODY_JOINTS
-        && let [Some(top), Some(head)] = HEAD.map(|j| skeleton.joints[j])
+        && let [Some(top), Some(head)] = OF_HEAD.map(|j| skeleton.joints[j])
     {
         let (top_at, at) = (place(top.at), place(head.at));
         let radius = (top_at[0] - at[0]).hypot(top_at[1] - at[1]);

@@ -6,7 +6,7 @@ use std::marker::PhantomData;
 use super::binary::{self, HEAD, MAGIC, Piece};
 use super::camera::CameraSource;
 use super::error::RecordError;
-use super::kind::Kind;
+use super::kind::{Kind, without_mark};
 use super::lives::Lives;
 use super::other;
 use super::rows::{BodiesRow, ObservationsRow, Row};
@@ -160,6 +160,9 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
                     _ => Err(self.bad(found)),
                 };
             }
+            if self.line == 1 {
+                remove_mark(&mut self.buffer);
+            }
             if !self.buffer.trim_ascii().is_empty() {
                 break;
             }
@@ -215,6 +218,12 @@ impl<R: BufRead, T: Row> RowReader<R, T> {
             },
         }
     }
+}
+
+/// Leaves the text of a byte order mark.
+fn remove_mark(text: &mut Vec<u8>) {
+    let mark = text.len() - without_mark(text).len();
+    text.drain(..mark);
 }
 
 /// A frame of a binary record.
@@ -366,15 +375,18 @@ impl<R: BufRead> BodyReader<R> {
 }
 
 /// The text of a record as JSON lines, whichever format it has, and whether it ends inside a frame where it is binary;
-/// `name` is what errors call it. Lines of JSON are as they were.
+/// `name` is what errors call it. Lines of JSON are as they were, without a byte order mark.
 ///
 /// # Errors
 /// [`RecordError`], naming the frame, for a binary record that is damaged.
-pub fn lines(bytes: Vec<u8>, name: &str) -> Result<(Vec<u8>, bool), RecordError> {
+pub fn lines(mut bytes: Vec<u8>, name: &str) -> Result<(Vec<u8>, bool), RecordError> {
     match bytes.strip_prefix(MAGIC).and_then(|rest| rest.first()) {
         Some(&ObservationsRow::KIND) => to_json::<ObservationsRow>(&bytes, name),
         Some(&BodiesRow::KIND) => to_json::<BodiesRow>(&bytes, name),
-        _ => Ok((bytes, false)),
+        _ => {
+            remove_mark(&mut bytes);
+            Ok((bytes, false))
+        }
     }
 }
 

@@ -98,6 +98,22 @@ fn views_are_looked_at_where_no_stream_can_be() {
     }
 }
 
+/// What is given to `infer` in turn is no option, whatever it is called.
+#[test]
+fn a_view_may_be_called_like_an_option() {
+    let folder = crate::program::short_folder();
+    std::fs::rename(film(folder.path()), folder.path().join("-take.avi")).unwrap();
+    let out = edgecap()
+        .args(["multiview", "--out", "run", "--view=a=-take.avi"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    // Its few frames may be too few.
+    let said = stderr(&out);
+    assert!(matches!(out.status.code(), Some(0 | 65)), "{said}");
+    assert!(!said.contains("argument"), "{said}");
+}
+
 #[test]
 fn a_terminal_is_told_how_long_a_film_takes_and_a_pipe_is_not() {
     if !tools::has("script") {

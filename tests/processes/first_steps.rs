@@ -341,9 +341,19 @@ fn help_about_help_is_help() {
 fn help_says_what_reads_a_record_of_bodies() {
     let help = stdout(&output(&["run", "--help"]));
     let words = help.split_whitespace().collect::<Vec<_>>().join(" ");
-    let record = words.split("--record").nth(1).unwrap();
+    let record = words.split("--record <FILE>").nth(1).unwrap();
     assert!(
-        record.contains("of bodies (run, fit) 'export', 'replay' and 'view"),
+        record.contains(
+            "of bodies (run, fit) 'export', 'plot', 'replay', 'events', 'eval' and 'view"
+        ),
         "{record}"
     );
+}
+
+#[test]
+fn help_says_where_results_go() {
+    for verb in ["run", "infer"] {
+        let help = stdout(&output(&[verb, "--help"]));
+        assert!(help.contains("edgecap-out/"), "{verb}: {help}");
+    }
 }

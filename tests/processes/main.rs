@@ -18,6 +18,7 @@ mod first_steps;
 mod flip_test;
 mod follow_people;
 mod hangs;
+mod health;
 mod hints;
 mod install;
 mod live_cameras;

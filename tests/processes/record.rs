@@ -8,8 +8,8 @@ use edgecap::message::{
     StageTimes, World, WorldState,
 };
 use edgecap::record::{
-    BodiesRow, CameraSource, Format, ObservationReader, ObservationsRow, RecordError, RecordWriter,
-    Row, RowReader, lines,
+    BodiesRow, CameraSource, Format, Kind, ObservationReader, ObservationsRow, RecordError,
+    RecordWriter, Row, RowReader, lines,
 };
 use rand::rngs::SmallRng;
 use rand::{Rng, SeedableRng};
@@ -415,6 +415,26 @@ fn lines_of_other_programs_may_leave_out_what_they_do_not_know() {
     assert!(reader.read(&mut frame).unwrap());
     assert_eq!((reader.line(), reader.source()), (4, "b.png"));
     assert!(!reader.read(&mut frame).unwrap());
+
+    // Editors and shells put a mark before a text, on a line of its own where that is empty.
+    for marked in [
+        format!("\u{FEFF}{text}"),
+        format!("\u{FEFF}{}", text.trim()),
+    ] {
+        let mut reader = ObservationReader::new(marked.as_bytes(), "o.jsonl", FOV);
+        for source in ["a.mp4", "b.png"] {
+            assert!(reader.read(&mut frame).unwrap());
+            assert_eq!(reader.source(), source);
+        }
+        assert!(!reader.read(&mut frame).unwrap());
+        assert_eq!(Kind::of(&mut marked.as_bytes()), Some(Kind::Observations));
+        let (plain, _) = lines(marked.into_bytes(), "o.jsonl").unwrap();
+        assert!(!plain.starts_with("\u{FEFF}".as_bytes()));
+    }
+    // Elsewhere it is no line of JSON.
+    let inside = format!("{0}\n\u{FEFF}{0}\n", line("", ""));
+    let mut reader = ObservationReader::new(inside.as_bytes(), "o.jsonl", FOV);
+    assert!(reader.read(&mut frame).unwrap() && reader.read(&mut frame).is_err());
 
     let text = line(
         "",

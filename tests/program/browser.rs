@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use tungstenite::{Message, WebSocket};
 
+use super::tools::skip;
 use super::{Running, eventually};
 
 /// A browser with one page. It knows no other machine: every name but this one's leads nowhere.
@@ -23,7 +24,8 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Starts `chromium` with graphics computed in software; `None` where it is not installed.
+    /// Starts `chromium` with graphics computed in software; `None`, and a word about it,
+    /// where it is not installed.
     pub fn start(width: u32, height: u32) -> Option<Self> {
         let profile = tempfile::tempdir().unwrap();
         let process = Command::new("chromium")
@@ -39,7 +41,10 @@ impl Browser {
             .spawn();
         let process = match process {
             Ok(process) => Running(process),
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return None,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+                skip("chromium", "no chromium on this machine");
+                return None;
+            }
             Err(e) => panic!("chromium: {e}"),
         };
         let port: u16 = eventually("the browser's port", || {

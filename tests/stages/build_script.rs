@@ -6,7 +6,7 @@ mod build;
 
 use std::path::{Path, PathBuf};
 
-use build::{SOURCES, checked, commit};
+use build::{SOURCES, checked, commit, watched};
 
 #[test]
 fn sources_without_a_repository_are_of_the_commit_that_is_named() {
@@ -38,16 +38,41 @@ fn a_model_that_cannot_be_read_is_not_called_absent() {
     assert_eq!(found, (root.join("whole"), digest));
 }
 
-/// Rust files below a folder.
-fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
+/// Files with this extension below a folder.
+fn files(folder: &Path, extension: &str, into: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
         let path = entry.path();
         if path.is_dir() {
-            rust_files(&path, into);
-        } else if path.extension().is_some_and(|e| e == "rs") {
+            files(&path, extension, into);
+        } else if path.extension().is_some_and(|e| e == extension) {
             into.push(path);
         }
     }
+}
+
+/// Else whoever runs Python there has the whole program built again.
+#[test]
+fn no_folder_of_python_is_watched() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut python = Vec::new();
+    for source in SOURCES.map(|it| root.join(it)) {
+        assert!(source.exists(), "{}", source.display());
+        if source.is_dir() {
+            files(&source, "py", &mut python);
+        }
+    }
+    assert!(python.is_empty(), "{python:?}");
+}
+
+/// Else a build without weights would do everything again each time.
+#[test]
+fn of_a_file_that_is_absent_its_folder_is_watched() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path();
+    std::fs::create_dir(root.join("models")).unwrap();
+    assert_eq!(watched(root, "models/m.ecm"), "models");
+    std::fs::write(root.join("models/m.ecm"), "weights").unwrap();
+    assert_eq!(watched(root, "models/m.ecm"), "models/m.ecm");
 }
 
 /// Else a changed one would leave the program of the commit before it.
@@ -55,7 +80,7 @@ fn rust_files(folder: &Path, into: &mut Vec<PathBuf>) {
 fn every_file_that_is_embedded_is_watched() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut sources = Vec::new();
-    rust_files(&root.join("src"), &mut sources);
+    files(&root.join("src"), "rs", &mut sources);
     let mut embedded = 0;
     for source in sources {
         let text = std::fs::read_to_string(&source).unwrap();

@@ -3,12 +3,13 @@
 use std::io::{Read, Seek, SeekFrom};
 
 use super::chunks::{Entry, Layout, is_avi};
-use crate::capture::camera::PixelFormat;
+use crate::capture::decode::PixelFormat;
+use crate::capture::drawn::{Drawing, next_drawn};
 use crate::capture::error::CaptureError;
 use crate::capture::frame::Frame;
 use crate::capture::jfif::{JFIF_BYTES, jfif_shape};
 use crate::capture::jpeg;
-use crate::capture::raw::{RawDecoder, RawPicture};
+use crate::capture::raw::RawPicture;
 use crate::capture::source::Source;
 use crate::capture::square::PixelShape;
 
@@ -28,8 +29,7 @@ pub struct AviReader<R> {
     shape: Option<PixelShape>,
     /// Every chunk holds two JPEGs, of which each is every other line.
     is_interlaced: bool,
-    raw: RawPicture,
-    decoder: RawDecoder,
+    drawing: Drawing,
 }
 
 impl<R: Read + Seek> AviReader<R> {
@@ -82,8 +82,7 @@ impl<R: Read + Seek> AviReader<R> {
             codec,
             shape: layout.shape,
             is_interlaced: lines.is_some_and(|lines| 2 * u32::from(lines) == layout.height),
-            raw: RawPicture::default(),
-            decoder: RawDecoder::default(),
+            drawing: Drawing::default(),
         })
     }
 
@@ -120,14 +119,7 @@ fn jpeg_height<R: Read + Seek>(reader: &mut R, chunk: Entry) -> Option<u16> {
 
 impl<R: Read + Seek + Send> Source for AviReader<R> {
     fn next_into(&mut self, frame: &mut Frame) -> Result<bool, CaptureError> {
-        let mut raw = std::mem::take(&mut self.raw);
-        let mut read = self.next_raw(&mut raw);
-        if matches!(read, Ok(true)) {
-            let drawn = self.decoder.decode_of(&self.name, &mut raw, frame);
-            read = drawn.map(|()| true);
-        }
-        self.raw = raw;
-        read
+        next_drawn(self, |own| &mut own.drawing, frame)
     }
 
     fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {

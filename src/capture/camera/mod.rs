@@ -4,12 +4,12 @@
 //! real one, and holds the [lock](InstanceLock) of the device that it has opened.
 
 mod controls;
-mod decode;
 mod identity;
 mod list;
 mod live;
 mod lock;
 mod mode;
+mod options;
 mod port;
 mod refusal;
 mod source;
@@ -17,10 +17,10 @@ mod source;
 mod v4l2;
 
 pub use controls::{ControlSetting, list_controls};
-pub use decode::{PictureDecoder, PixelFormat, RawLayout};
 pub use list::{CameraInfo, list_cameras};
 pub use live::{CameraPort, CameraStream, Live, Step};
 pub use lock::InstanceLock;
 pub use mode::{Mode, choose_mode};
+pub use options::OpenOptions;
 pub use port::V4l2Port;
 pub use source::CameraSource;

@@ -2,7 +2,7 @@
 
 use std::io;
 
-use super::decode::PixelFormat;
+use crate::capture::decode::PixelFormat;
 
 /// One combination that a camera offers.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,18 +7,18 @@ use std::time::{Duration, Instant};
 use edgecap_client::place::runtime_dir;
 
 use super::controls;
-use super::decode::{PictureDecoder, PixelFormat, RawLayout};
 use super::identity::{Identity, Who};
 use super::list::{CameraInfo, list_cameras};
 use super::live::{CameraPort, CameraStream};
 use super::lock::DeviceLock;
 use super::mode::{Mode, candidates, with_room};
+use super::options::OpenOptions;
 use super::refusal::{refused, unusable};
 use super::v4l2::{Camera, Capabilities, Ready, Sizes, Stream};
 use crate::camera::monotonic_ns;
+use crate::capture::decode::{PictureDecoder, PixelFormat, RawLayout};
 use crate::capture::error::{CaptureError, name_of};
 use crate::capture::raw::RawPicture;
-use crate::capture::spec::OpenOptions;
 
 /// Size that is asked for without a wish: enough for several people at a few metres.
 const DEFAULT_SIZE: (u32, u32) = (1280, 720);

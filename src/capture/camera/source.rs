@@ -4,13 +4,13 @@ use std::path::Path;
 
 use super::list::list_cameras;
 use super::live::{CameraPort, Live, Step};
+use super::options::OpenOptions;
 use super::port::V4l2Port;
 use crate::camera::{Clock, SystemClock};
 use crate::capture::error::CaptureError;
 use crate::capture::frame::Frame;
 use crate::capture::raw::{RawDecoder, RawPicture};
 use crate::capture::source::Source;
-use crate::capture::spec::OpenOptions;
 
 /// A camera that is reopened when it goes away.
 pub struct CameraSource<P = V4l2Port, C = SystemClock> {

@@ -1,17 +1,17 @@
 //! The stages for parts of inputs: they share weights and threads with those for the whole.
 
-use super::kept::Kept;
 use crate::commands::pipeline::Pipeline;
+use crate::lru::Lru;
 
 /// Sizes that are kept: each has its buffers.
 const SIZES: usize = 3;
 
 /// The stages by the sizes of the whole input and of the crop, pixels across and down.
-pub struct Crops(Kept<[(usize, usize); 2], Pipeline>);
+pub struct Crops(Lru<[(usize, usize); 2], Pipeline>);
 
 impl Default for Crops {
     fn default() -> Self {
-        Self(Kept::new(SIZES))
+        Self(Lru::new(SIZES))
     }
 }
 

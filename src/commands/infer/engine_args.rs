@@ -1,16 +1,15 @@
 //! Which network at which size, as the user says it.
 
-use std::fmt;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::inputs::{Inputs, Quality};
-use super::spacing::ENOUGH;
 use crate::commands::exit::Failure;
 use crate::commands::input::path_in_words;
 use crate::commands::pipeline::{self, Pipeline, PipelineOptions};
+use crate::schedule::inputs::{Inputs, Quality};
+use crate::schedule::size::InputSize;
+use crate::schedule::spacing::ENOUGH;
 
 /// Options of the network, shared by the verbs that run it.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -27,8 +26,9 @@ pub struct EngineArgs {
     /// --quality says]
     #[arg(long, value_name = "WxH")]
     pub size: Option<InputSize>,
-    /// How much time a picture may take: 'fast' and 'balanced' look once, 'best' twice, at 384x240 and at 768x480, and
-    /// takes everybody from the look that has them better [default: balanced for films and cameras, best for photos]
+    /// How much time a picture may take. 'fast' looks once, at 384x240, of films and cameras 15 times a second;
+    /// 'balanced' once, at 512x320; 'best' twice, at 384x240 and 768x480, and takes everybody from the look that has
+    /// them better [default: balanced for films and cameras, best for photos]
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
     /// Look at so many pictures per second, at more where somebody is lost, and at fewer of a camera where as many
@@ -50,79 +50,12 @@ pub struct EngineArgs {
     pub cameras: Option<usize>,
 }
 
-/// The network's input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "String", into = "String")]
-pub enum InputSize {
-    /// Pixels across and down.
-    Fixed(usize, usize),
-    /// As those in view want it.
-    Auto,
-}
-
-impl FromStr for InputSize {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "auto" => Ok(Self::Auto),
-            size => parse_size(size)
-                .map(|(w, h)| Self::Fixed(w, h))
-                .map_err(|e| format!("{e}, or 'auto'")),
-        }
-    }
-}
-
-impl TryFrom<String> for InputSize {
-    type Error = String;
-
-    fn try_from(text: String) -> Result<Self, String> {
-        text.parse()
-    }
-}
-
-impl From<InputSize> for String {
-    fn from(size: InputSize) -> Self {
-        size.to_string()
-    }
-}
-
-impl fmt::Display for InputSize {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Fixed(w, h) => write!(f, "{w}x{h}"),
-            Self::Auto => f.write_str("auto"),
-        }
-    }
-}
-
 fn parse_looks(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(looks) if (1.0..=1000.0).contains(&looks) => Ok(looks),
         _ => Err(format!(
             "'{text}': expected looks per second, from 1 to 1000, such as 15"
         )),
-    }
-}
-
-/// WIDTHxHEIGHT in multiples of 16.
-///
-/// # Errors
-/// What was expected.
-pub fn parse_size(text: &str) -> Result<(usize, usize), String> {
-    let wrong = || {
-        format!("'{text}': expected WIDTHxHEIGHT, multiples of 16 from 64 to 4096, such as 512x320")
-    };
-    let (w, h) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-    let size = (
-        w.parse().map_err(|_| wrong())?,
-        h.parse().map_err(|_| wrong())?,
-    );
-    let ok = |n: usize| (64..=4096).contains(&n) && n.is_multiple_of(16);
-    if ok(size.0) && ok(size.1) {
-        Ok(size)
-    } else {
-        Err(wrong())
     }
 }
 

@@ -6,10 +6,10 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use super::change::Change;
-use super::pace::Wanted;
 use crate::camera::monotonic_ns;
 use crate::capture::{Brightness, CaptureError, Frame, Mounting, RawDecoder, RawPicture, Source};
+use crate::schedule::change::Change;
+use crate::schedule::pace::Wanted;
 
 /// Longest that a delivery is put off in one go: whoever waits looks at its stop signal in between.
 const STEP: Duration = Duration::from_millis(250);
@@ -27,7 +27,7 @@ pub struct Order {
     pub ready_at: Instant,
     /// What later pictures are compared with, if that is another picture now.
     pub reference: Option<Brightness>,
-    /// A buffer to fill.
+    /// A buffer to fill, in place of the one that an order without a picture left.
     pub buffer: Frame,
 }
 
@@ -134,6 +134,8 @@ struct Feeder {
     decoder: RawDecoder,
     change: Change,
     brightness: Brightness,
+    /// What the next picture fills: of the orders whose pictures have not come yet.
+    spare: Frame,
     /// What decoding takes, seconds.
     decoding: f32,
 }
@@ -149,11 +151,15 @@ impl Feeder {
             decoder: RawDecoder::default(),
             change: Change::default(),
             brightness: Brightness::default(),
+            spare: Frame::default(),
             decoding: 0.0,
         }
     }
 
     fn fulfil(&mut self, order: Order) -> Delivery {
+        if order.buffer.rgb.capacity() > self.spare.rgb.capacity() {
+            self.spare = order.buffer;
+        }
         if order.reference.is_some() {
             self.change.compare_with(order.reference);
         }
@@ -176,7 +182,7 @@ impl Feeder {
         if self.is_live && self.raw.time_ns < order.from_ns {
             return Delivery::NotDue;
         }
-        let looked = self.look(order.wanted, order.buffer);
+        let looked = self.look(order.wanted);
         let failure = looked.as_ref().err();
         self.source.judged(failure.map(String::as_str));
         looked.unwrap_or_else(|reason| {
@@ -187,23 +193,23 @@ impl Feeder {
         })
     }
 
-    fn look(&mut self, wanted: Wanted, mut frame: Frame) -> Result<Delivery, String> {
+    fn look(&mut self, wanted: Wanted) -> Result<Delivery, String> {
         if wanted != Wanted::Colours {
             self.decoder.brightness(&self.raw, &mut self.brightness)?;
             if wanted == Wanted::BothIfChanged && !self.change.is_in(&self.brightness) {
                 return Ok(Delivery::Unchanged(
                     self.raw.time_ns,
                     self.raw.sequence,
-                    frame,
+                    std::mem::take(&mut self.spare),
                 ));
             }
         }
         let start = Instant::now();
-        self.decoder.decode(&mut self.raw, &mut frame)?;
-        self.mounting.apply(&mut frame, &mut self.turned);
+        self.decoder.decode(&mut self.raw, &mut self.spare)?;
+        self.mounting.apply(&mut self.spare, &mut self.turned);
         self.decoding += SMOOTH * (start.elapsed().as_secs_f32() - self.decoding);
         Ok(Delivery::Picture(Box::new(Picture {
-            frame,
+            frame: std::mem::take(&mut self.spare),
             brightness: (wanted != Wanted::Colours).then(|| self.brightness.clone()),
             name: self.source.picture(),
             total: self.source.frame_count(),
@@ -216,7 +222,7 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use super::*;
-    use crate::capture::camera::PixelFormat;
+    use crate::capture::PixelFormat;
 
     /// A camera of which every second picture is damaged; what it hears of them.
     struct Camera(u64, Arc<Mutex<Vec<bool>>>);
@@ -267,5 +273,59 @@ mod tests {
             }
         }
         assert_eq!(*heard.lock().unwrap(), [true, false, true, false]);
+    }
+
+    /// A camera of grey pictures of 1970; the second one is cut off.
+    struct Grey(u64);
+
+    impl Source for Grey {
+        fn next_into(&mut self, _: &mut Frame) -> Result<bool, CaptureError> {
+            unreachable!("its pictures are decoded by whoever wants to see them")
+        }
+
+        fn next_raw(&mut self, raw: &mut RawPicture) -> Result<bool, CaptureError> {
+            self.0 += 1;
+            raw.layout.format = PixelFormat::Grey;
+            (raw.layout.width, raw.layout.height, raw.layout.stride) = (2, 2, 2);
+            raw.bytes = vec![9; if self.0 == 2 { 3 } else { 4 }];
+            Ok(true)
+        }
+
+        fn is_live(&self) -> bool {
+            true
+        }
+
+        fn name(&self) -> &str {
+            "camera"
+        }
+    }
+
+    /// Memory fresh from the system costs more than decoding into what there is.
+    #[test]
+    fn the_buffer_of_an_order_without_a_picture_is_filled_by_a_later_one() {
+        let mut feeder = Feeder::new(Box::new(Grey(0)), Mounting::default());
+        let mut buffer = Frame::default();
+        buffer.rgb.reserve_exact(12);
+        let first = buffer.rgb.as_ptr();
+        let mut fulfil = |from_ns, buffer| {
+            feeder.fulfil(Order {
+                from_ns,
+                wanted: Wanted::Colours,
+                ready_at: Instant::now(),
+                reference: None,
+                buffer,
+            })
+        };
+        // Not yet; too old; cut off.
+        assert!(matches!(fulfil(u64::MAX, buffer), Delivery::NotDue));
+        assert!(matches!(fulfil(1, Frame::default()), Delivery::NotDue));
+        assert!(matches!(fulfil(0, Frame::default()), Delivery::Failed(_)));
+        let Delivery::Picture(picture) = fulfil(0, Frame::default()) else {
+            panic!("expected a picture");
+        };
+        assert_eq!(
+            (picture.frame.rgb.len(), picture.frame.rgb.as_ptr()),
+            (12, first)
+        );
     }
 }

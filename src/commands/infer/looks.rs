@@ -5,13 +5,16 @@ use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 use super::engine_args::EngineArgs;
 use super::shapes::Shapes;
 use crate::capture::Frame;
-use crate::commands::pipeline::FrameObservations;
+use crate::commands::pipeline::Pipeline;
 use crate::detect::joined;
+use crate::lift::FrameObservations;
 
 /// The stages for every look, by the shape of the picture.
 pub struct Looks {
     shapes: Shapes,
     people: Vec<Observation>,
+    /// The larger input of the last looks, pixels across and down; zeros before the first.
+    input: (usize, usize),
 }
 
 impl Looks {
@@ -23,6 +26,7 @@ impl Looks {
         Ok(Self {
             shapes: Shapes::new(engine)?,
             people: Vec::new(),
+            input: (0, 0),
         })
     }
 
@@ -31,7 +35,13 @@ impl Looks {
         self.shapes.any().use_threads(threads);
     }
 
-    /// Everyone in the frame, by looks with inputs of these `sizes` (pixels across and down), one or two.
+    /// The network's input of the last looks, of two the larger, pixels across and down; zeros before the first.
+    pub fn input(&self) -> (usize, usize) {
+        self.input
+    }
+
+    /// Everyone in the frame, by `count` looks, one or two, with the first of inputs of these `sizes` (pixels across
+    /// and down): the others stay ready for the next frames.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -40,10 +50,14 @@ impl Looks {
         frame: &Frame,
         intrinsics: &Intrinsics,
         sizes: Vec<(usize, usize)>,
+        count: usize,
     ) -> anyhow::Result<FrameObservations<'_>> {
         let any = self.shapes.any();
         let (lone_score, max_people) = (any.lone_score(), any.max_people());
         let stages = self.shapes.of(sizes)?;
+        let count = count.min(stages.len());
+        let stages = &mut stages[..count];
+        self.input = stages.iter().map(Pipeline::size).max().unwrap_or_default();
         let mut times = StageTimes::default();
         let mut without_neck = 0;
         for look in stages.iter_mut() {
@@ -67,6 +81,12 @@ impl Looks {
             without_neck,
             times,
         })
+    }
+
+    /// For how many shapes there are stages.
+    #[cfg(test)]
+    pub fn shapes(&self) -> usize {
+        self.shapes.count()
     }
 }
 

@@ -1,26 +1,13 @@
 //! `edgecap infer`: pictures in, observations out. Beside `run` on a file, the only process that sees pictures.
 
-mod between;
-mod change;
-mod crew;
 mod crops;
-mod due;
 mod engine_args;
 mod feed;
-mod inputs;
-mod kept;
 mod looks;
-mod mean;
 mod observer;
-mod pace;
 mod pace_args;
 mod pipelines;
-mod region;
 mod shapes;
-mod spacing;
-mod speed;
-mod wish;
-mod zoom;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -31,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::apart::Apart;
 use super::exit::{self, Failure};
+use super::health::HealthStream;
 use super::input::{self, InputArgs, NamedInput};
 use super::job::{self, Supervised};
 use super::log;
@@ -41,16 +29,14 @@ use super::say;
 use super::stop::Stop;
 use crate::capture::{InputSpec, Source, camera, list_cameras};
 use crate::counted::counted;
+use crate::metrics::{About, Health};
 use crate::record::ObservationsRow;
 use crate::sink::{OverlaySink, Packet, PictureSink, SharedMemorySink, Sinks, Streams};
-use crate::supervise::{Beat, Heartbeat};
-pub(super) use engine_args::{EngineArgs, parse_size};
-pub use inputs::{Quality, photo_inputs};
+use crate::supervise::{Beat, Heartbeat, restarts};
+pub(super) use engine_args::EngineArgs;
 pub(super) use observer::{Observer, Step};
-pub(super) use pace::Limits;
 pub(super) use pace_args::PaceArgs;
 pub(super) use pipelines::Pipelines;
-pub(super) use spacing::NEAR as NEAR_LOOK;
 
 /// How often the supervisor hears that a film is being opened.
 const OPENING: Duration = Duration::from_millis(250);
@@ -153,6 +139,15 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     if is_published {
         streams.add_to(&mut sinks, SharedMemorySink::<ObservationFrame>::open)?;
     }
+    let about = About {
+        interval: task.pace.interval(),
+        is_file: !source.is_live(),
+        is_sequence: !source.is_stills(),
+        restarts: restarts(),
+        cameras: 1,
+    };
+    let mut health = HealthStream::open(about, is_published.then_some(&streams))?;
+    health.look(|_, _| ())?;
     if task.show_picture {
         streams.add_to(&mut sinks, PictureSink::open)?;
     }
@@ -166,6 +161,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     let mut observe = || -> anyhow::Result<()> {
         while !stop.requested() {
             let step = observer.step(&mut message)?;
+            health.look(|health, now| without_picture(step, health, now))?;
             let was_silent = std::mem::replace(&mut is_silent, step == Step::Silent);
             match step {
                 Step::Nothing => {
@@ -203,6 +199,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
                 picture: observer.picture(),
             })?;
             heart.beat(Beat::Step);
+            health.look(|health, now| {
+                health.looks_at(observer.input());
+                health.observed(now, &(&*message).into(), observer.is_idle());
+            })?;
             // Only an input with an end has a total.
             if message.frame_total > 0 && !is_supervised {
                 bar.get_or_insert_with(|| progress::bar(message.frame_total.into(), "frames"))
@@ -219,6 +219,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     if is_supervised && (outcome.is_err() || stop.requested()) {
         // No picture stays that stands for what nobody sees any more.
         sinks.quiet();
+        health.end();
         outcome?;
         return Err(Failure::silent(exit::INTERRUPTED).into());
     }
@@ -227,7 +228,10 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         outcome = Err(Failure::stopped(observed).into());
     }
     let (outcome, left_out) = exit::without_left_out(outcome, observed);
+    // Readers of both hear it before one of them waits for its own.
+    health.end();
     let (words, ended) = finish(sinks, observed, outcome);
+    health.finish();
     // Whoever names a stream and nothing else reads it.
     let is_read = task.input.name.is_some() && !has_place;
     let is_quiet = is_supervised || args.asked || is_read;
@@ -239,6 +243,16 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
     }
     ended?;
     left_out
+}
+
+/// What a step without a picture says of the source.
+fn without_picture(step: Step, health: &mut Health, now: u64) {
+    match step {
+        Step::Nothing | Step::Silent => health.waits(now),
+        Step::Away => health.is_away(now),
+        Step::Idle => health.not_due(now),
+        Step::Observed | Step::Ended => {}
+    }
 }
 
 /// Opens the input. All packets of a film are listed before its first picture, which takes minutes for a large one: the

@@ -6,13 +6,13 @@ use edgecap_client::message::{FLAG_FILE_TIME, MAX_PEOPLE, ObservationFrame};
 
 use super::engine_args::EngineArgs;
 use super::feed::{Delivery, Feed, Order, Picture};
-use super::mean::bounded;
-use super::pace::{Limits, Pace, Plan};
 use super::pipelines::{Pipelines, Way};
 use crate::camera::{CameraFile, monotonic_ns};
 use crate::capture::{Brightness, CaptureError, Frame, Mounting, Source};
 use crate::commands::exit::Failure;
-use crate::commands::pipeline::FrameObservations;
+use crate::lift::FrameObservations;
+use crate::schedule::mean::bounded;
+use crate::schedule::pace::{Limits, Pace, Plan};
 use crate::supervise::has_worked_before;
 
 /// Share of a new measurement in what a picture takes.
@@ -107,6 +107,16 @@ impl Observer {
     /// The picture observed last, unless it was not decoded because it shows what the one before showed: nobody.
     pub fn picture(&self) -> Option<&Frame> {
         self.has_picture.then_some(&self.picture)
+    }
+
+    /// Whether nobody is in view, nor was lately: pictures are only glanced at.
+    pub fn is_idle(&self) -> bool {
+        self.pace.is_idle()
+    }
+
+    /// The network's input of the last look for all of a picture, pixels across and down; zeros before the first.
+    pub fn input(&self) -> (usize, usize) {
+        self.pipelines.input()
     }
 
     /// Where it comes from.

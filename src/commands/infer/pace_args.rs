@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::pace::Limits;
 use crate::commands::exit::Failure;
 use crate::commands::input::NamedInput;
+use crate::schedule::pace::Limits;
 
 /// Options of the pace, shared by the verbs that run the network on a camera.
 #[derive(Debug, Clone, Default, clap::Args, Serialize, Deserialize)]

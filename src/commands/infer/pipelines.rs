@@ -2,20 +2,22 @@
 
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
-use super::between::Between;
-use super::crew::{Change, Crew};
 use super::crops::Crops;
 use super::engine_args::EngineArgs;
-use super::inputs::{Inputs, fitted, inputs_of, whole_scale};
 use super::looks::{Looks, sum};
-use super::region::{Input, Region};
 use super::shapes::Shapes;
-use super::spacing::{ENOUGH, Spacing};
-use super::speed::{Slower, Speed};
-use super::zoom::{SHARES, Zoom, stature};
 use crate::camera::monotonic_ns;
 use crate::capture::{Crop, Frame, Letterbox};
-use crate::commands::pipeline::{FrameObservations, Pipeline};
+use crate::commands::pipeline::Pipeline;
+use crate::follow::Between;
+use crate::lift::FrameObservations;
+use crate::machine::throttled;
+use crate::schedule::crew::{Change, Crew};
+use crate::schedule::inputs::{Inputs, fitted, inputs_of, whole_scale};
+use crate::schedule::region::{Input, Region};
+use crate::schedule::spacing::{ENOUGH, Spacing};
+use crate::schedule::speed::{Slower, Speed};
+use crate::schedule::zoom::{SHARES, Zoom, stature};
 
 /// The stages for every input that pictures may ask for. All share one set of packed weights and one team of threads.
 pub struct Pipelines {
@@ -26,6 +28,9 @@ pub struct Pipelines {
     between: Option<Between>,
     /// Whether people were followed into the picture that has been chosen for.
     follows: bool,
+    /// The network's input of the last look for all of a picture, where looks are not several; pixels across and down,
+    /// zeros before the first.
+    input: (usize, usize),
     /// What looks are timed by, monotonic nanoseconds.
     clock: Box<dyn Fn() -> u64 + Send>,
 }
@@ -128,13 +133,17 @@ impl Pipelines {
         };
         let asked = engine.looks_apart();
         let between = one.filter(|_| film).and_then(|stages| match live {
-            Some(shortest) => Some(Between::of_camera(Spacing::new(shortest, asked), stages)),
-            None => asked.map(|interval| Between::new(interval, stages)),
+            Some(shortest) => {
+                let spacing = Spacing::new(shortest, asked);
+                Some(Between::of_camera(spacing, stages.lifter().clone()))
+            }
+            None => asked.map(|interval| Between::new(interval, stages.lifter().clone())),
         });
         let target = live.map(|interval| ENOUGH.recip().max(interval as f32 * 1e-9));
         Ok(Self {
             between,
             follows: false,
+            input: (0, 0),
             stages,
             speed: Speed::new(target),
             crew: Crew::new(engine.most_threads(), !film || engine.threads.is_some()),
@@ -162,6 +171,15 @@ impl Pipelines {
         })
     }
 
+    /// The network's input of the last look for all of a picture, of two the larger, pixels across and down; zeros
+    /// before the first look.
+    pub fn input(&self) -> (usize, usize) {
+        match &self.stages {
+            Stages::Looks(looks, _) => looks.input(),
+            _ => self.input,
+        }
+    }
+
     /// Everyone in the frame, as was chosen for it, else by a look.
     ///
     /// # Errors
@@ -177,6 +195,7 @@ impl Pipelines {
             crew,
             between,
             follows,
+            input,
             clock,
         } = self;
         if std::mem::take(follows)
@@ -193,10 +212,11 @@ impl Pipelines {
                 one.use_threads(crew.threads(0));
                 let start = clock();
                 one.process(frame, intrinsics)?;
+                *input = one.size();
                 let now = clock();
                 let seconds = (!crew.is_trying(0)).then_some(seconds_from(start, now));
                 if let Some(between) = between {
-                    between.looked(frame, one, seconds);
+                    between.looked(frame, one.found(), seconds);
                 }
                 warn(seconds.and_then(|seconds| speed.took(now, 0, seconds, true)));
                 let seen = one.seen();
@@ -206,8 +226,8 @@ impl Pipelines {
             Stages::Looks(looks, shares) => {
                 looks.use_threads(crew.threads(0));
                 let sizes = inputs_of(size_of(frame), *shares);
-                let start = clock();
-                let seen = looks.process(frame, intrinsics, sizes)?;
+                let (start, all) = (clock(), sizes.len());
+                let seen = looks.process(frame, intrinsics, sizes, all)?;
                 let now = clock();
                 if !crew.is_trying(0) {
                     warn(speed.took(now, 0, seconds_from(start, now), true));
@@ -242,6 +262,7 @@ impl Pipelines {
             heights(seen.people, elsewhere);
         }
         let whole = &mut built[level];
+        *input = whole.size();
         // Times of crops of several sizes cannot be compared.
         whole.use_threads(match crop {
             None => crew.threads(level),
@@ -264,14 +285,14 @@ impl Pipelines {
         let is_usual = crop.is_some() || !crew.is_trying(level);
         let seconds = is_usual.then_some(seconds_from(start, now));
         if let Some(between) = between {
-            between.looked(frame, used, seconds);
+            between.looked(frame, used.found(), seconds);
         }
         let seen = used.seen();
         region.seen(frame, seen.people, crop.is_none());
         warn(seconds.and_then(|seconds| speed.took(now, level, seconds, crop.is_none())));
         if crop.is_none() {
-            let input = fitted(picture, SHARES[level]);
-            log(crew.took(now, level, network_seconds(&seen)), Some(input));
+            let fitted = fitted(picture, SHARES[level]);
+            log(crew.took(now, level, network_seconds(&seen)), Some(fitted));
         }
         heights(seen.people, here);
         let is_more = other.is_some() && elsewhere.len() > here.len();
@@ -308,6 +329,7 @@ impl Pipelines {
             stages,
             crew,
             between,
+            input,
             ..
         } = self;
         if let Some(between) = between {
@@ -316,15 +338,14 @@ impl Pipelines {
         let following = match stages {
             Stages::Fixed(one) => {
                 one.use_threads(crew.usual(0));
+                *input = one.size();
                 return one.process(frame, intrinsics);
             }
             Stages::Looks(looks, shares) => {
                 looks.use_threads(crew.usual(0));
-                let mut sizes = inputs_of(size_of(frame), *shares);
-                if !large {
-                    sizes.truncate(1);
-                }
-                return looks.process(frame, intrinsics, sizes);
+                let sizes = inputs_of(size_of(frame), *shares);
+                let count = if large { sizes.len() } else { 1 };
+                return looks.process(frame, intrinsics, sizes, count);
             }
             Stages::Following(following) => following,
         };
@@ -339,10 +360,12 @@ impl Pipelines {
         let built = shapes.of(sizes_of(picture))?;
         let smallest = built.len() - 1;
         built[smallest].use_threads(crew.usual(smallest));
+        *input = built[smallest].size();
         let seen = built[smallest].process(frame, intrinsics)?;
         if seen.people.is_empty() && large && *largest < smallest {
             let first = seen.times;
             built[*largest].use_threads(crew.usual(*largest));
+            *input = built[*largest].size();
             let seen = built[*largest].process(frame, intrinsics)?;
             zoom.entered((!seen.people.is_empty()).then_some(*largest));
             return Ok(FrameObservations {
@@ -385,7 +408,7 @@ fn seconds_from(start: u64, now: u64) -> f32 {
 /// Logs that the machine has become slower.
 fn warn(slower: Option<Slower>) {
     if let Some(slower) = slower {
-        tracing::warn!("{}", slower.line());
+        tracing::warn!("{}", slower.line(throttled()));
     }
 }
 
@@ -418,7 +441,8 @@ mod tests {
 
     use super::*;
     use crate::capture::{demo, open_bytes};
-    use crate::commands::infer::Quality;
+    use crate::engine::{Model, Network};
+    use crate::schedule::inputs::Quality;
 
     const SECOND: u64 = 1_000_000_000;
     const WALL: (usize, usize) = (512, 320);
@@ -581,6 +605,38 @@ mod tests {
     }
 
     #[test]
+    fn a_glance_into_an_empty_room_needs_no_stages_of_its_own() {
+        let engine = EngineArgs {
+            threads: Some(1),
+            quality: Some(Quality::Best),
+            ..EngineArgs::default()
+        };
+        let mut pipelines = Pipelines::new(&engine, true, Some(0)).unwrap();
+        let Stages::Looks(_, shares) = &mut pipelines.stages else {
+            panic!("expected several looks");
+        };
+        *shares = [&[0.125, 0.25], &[0.125, 0.25]];
+        let (picture, lens) = (wall(), lens());
+        let mut inputs = Vec::new();
+        for large in [Some(false), Some(true), None] {
+            let seen = match large {
+                Some(large) => pipelines.look(&picture, &lens, large),
+                None => pipelines.process(&picture, &lens),
+            };
+            seen.unwrap();
+            inputs.push(pipelines.input());
+        }
+        assert!(
+            inputs[0] < inputs[1] && inputs[1] == inputs[2],
+            "{inputs:?}"
+        );
+        let Stages::Looks(looks, _) = &pipelines.stages else {
+            panic!("expected several looks");
+        };
+        assert_eq!(looks.shapes(), 1);
+    }
+
+    #[test]
     fn people_are_followed_where_a_camera_is_faster_than_any_machine() {
         let mut engine = EngineArgs {
             threads: Some(1),
@@ -722,5 +778,46 @@ mod tests {
         assert!(sees(&far, None), "lost with the next picture");
         assert!(!sees(&empty, Some(true)));
         assert!(!sees(&far, None), "the limit holds for whoever comes next");
+    }
+
+    #[test]
+    fn a_network_of_other_multiples_needs_no_size() {
+        let mut model = Model::shipped().unwrap();
+        let text = model.network().source();
+        let other = text.replace("multiple = 16", "multiple = 48");
+        assert_ne!(text, other);
+        model.network = Network::parse(&other).unwrap();
+        model.contract.input.size_multiple = 48;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("other.ecm");
+        model.save(&path).unwrap();
+        let engine = EngineArgs {
+            model: Some(path),
+            threads: Some(1),
+            ..EngineArgs::default()
+        };
+        engine.expect_model().unwrap();
+        let picture = Frame {
+            width: 64,
+            height: 48,
+            rgb: vec![128; 3 * 64 * 48],
+            ..Frame::default()
+        };
+        let intrinsics = Intrinsics::from_horizontal_fov(64, 48, 60.0);
+        for is_film in [true, false] {
+            let mut stages = Pipelines::new(&engine, is_film, None).unwrap();
+            stages.process(&picture, &intrinsics).unwrap();
+            let (w, h) = stages.input();
+            assert!(
+                w > 0 && [w, h].iter().all(|s| s.is_multiple_of(48)),
+                "{w}x{h}"
+            );
+        }
+        let asked = EngineArgs {
+            size: Some("512x320".parse().unwrap()),
+            ..engine
+        };
+        let refused = Pipelines::new(&asked, true, None).err().unwrap();
+        assert!(refused.to_string().contains("multiples of 48"), "{refused}");
     }
 }

@@ -1,9 +1,9 @@
 //! The stages for the pictures' shape: inputs of several sizes that share weights and threads.
 
 use super::engine_args::EngineArgs;
-use super::inputs::fitted;
-use super::kept::Kept;
 use crate::commands::pipeline::Pipeline;
+use crate::lru::Lru;
+use crate::schedule::inputs::fitted;
 
 /// Shapes of pictures whose stages are kept: each has its buffers.
 const SHAPES: usize = 4;
@@ -12,7 +12,7 @@ const SHAPES: usize = 4;
 pub struct Shapes {
     /// Has the weights and threads that the others share.
     first: Pipeline,
-    built: Kept<Vec<(usize, usize)>, Vec<Pipeline>>,
+    built: Lru<Vec<(usize, usize)>, Vec<Pipeline>>,
 }
 
 impl Shapes {
@@ -23,7 +23,7 @@ impl Shapes {
     pub fn new(engine: &EngineArgs) -> anyhow::Result<Self> {
         Ok(Self {
             first: engine.build_near(fitted((16, 10), 0.5))?,
-            built: Kept::new(SHAPES),
+            built: Lru::new(SHAPES),
         })
     }
 
@@ -45,6 +45,12 @@ impl Shapes {
             stages.collect::<Result<Vec<_>, _>>()
         })?;
         Ok(stages)
+    }
+
+    /// For how many shapes there are stages.
+    #[cfg(test)]
+    pub fn count(&self) -> usize {
+        self.built.count()
     }
 
     /// The sizes of the stages used last.

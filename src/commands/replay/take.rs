@@ -15,7 +15,7 @@ use crate::camera::monotonic_ns;
 use crate::commands::exit::Failure;
 use crate::commands::fit::numbers::Numbers;
 use crate::commands::stop::Stop;
-use crate::commands::{events, say};
+use crate::commands::{event_settings, say};
 use crate::counted::counted;
 use crate::record::{Kind, Times};
 use crate::sink::{SharedMemorySink, Streamed};
@@ -57,7 +57,7 @@ impl Take<'_> {
     pub fn publish(&self) -> anyhow::Result<()> {
         match Kind::of(&mut open(self.record)?) {
             Some(Kind::Bodies) => {
-                let config = events::config(self.args.events.as_ref())?;
+                let config = event_settings::config(self.args.events.as_ref())?;
                 let to = BodyStreams::open(self.name, config)?;
                 self.play("bodies", to, &mut |take| bodies(self.record, take))
             }

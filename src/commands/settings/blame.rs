@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use clap::Args;
 
+use super::RunArgs;
 use super::effective::{Camera, Effective};
 use crate::commands::exit::{self, Failure};
-use crate::commands::run::RunArgs;
 use crate::config::{FILE_NAME, Mistake, Origin, Place};
 
 /// Something that is wrong with options of a camera, or of all of them.

@@ -3,22 +3,20 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::blame::Fault;
 use super::{
-    CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, Settings, together,
+    CameraSettings, ConfigArgs, FittingArgs, MetricsArgs, MultiviewArgs, Placed, RunArgs, Settings,
 };
 use crate::capture::{InputSpec, holds_stills};
 use crate::commands::bridges::BridgeArgs;
-use crate::commands::events;
+use crate::commands::event_settings;
 use crate::commands::exit::Failure;
-use crate::commands::fit::choose_cameras;
-use crate::commands::fit::settings::read_config;
-use crate::commands::infer::{EngineArgs, Quality};
+use crate::commands::fit_settings::read_config;
+use crate::commands::infer::EngineArgs;
 use crate::commands::input::{self, InputArgs};
-use crate::commands::run::args::RunArgs;
 use crate::config::{Origin, Place, Setting, merge};
 use crate::events::EventConfig;
 use crate::fit::FitConfig;
+use crate::schedule::inputs::Quality;
 
 /// Where the values of a section came from, by key.
 pub type Origins = BTreeMap<String, Origin>;
@@ -41,67 +39,6 @@ pub struct Effective {
 }
 
 impl Effective {
-    /// Looks at the files that the settings name, too.
-    ///
-    /// # Errors
-    /// The first that is wrong or cannot be read.
-    pub fn check(&self) -> anyhow::Result<()> {
-        self.apart()?;
-        self.expect_none(self.unreadable())?;
-        self.expect_none(self.doubled_inputs(&self.runs()?))?;
-        if let Some(calibration) = self.calibration()? {
-            let chosen = choose_cameras(&self.names(), calibration);
-            chosen.map_err(|e| self.blame(&self.cameras[0], &["calibration"], e))?;
-        }
-        Ok(())
-    }
-
-    /// The cameras whose network's input, or looks, are asked for in ways that do not go together.
-    pub(super) fn doubled_inputs(&self, runs: &[RunArgs]) -> Vec<Fault<'_>> {
-        let each = self.cameras.iter().zip(runs);
-        let doubled = each.filter_map(|(camera, run)| {
-            let engine = &run.engine;
-            let error = engine.inputs(true).err()?;
-            let keys = match engine.size.is_some() {
-                true => &["quality", "size"],
-                false => &["looks", "quality"],
-            };
-            Some(Fault::new(camera, keys, error))
-        });
-        doubled.collect()
-    }
-
-    /// Holds apart what the runs read and write.
-    ///
-    /// # Errors
-    /// The first two files that are the same; exit code 78 where the settings name them, 64 where one was typed.
-    pub fn apart(&self) -> anyhow::Result<()> {
-        together::apart(self, self.calibration()?.is_some())
-    }
-
-    /// Whether a run would start with these settings, cameras aside that may be plugged in later.
-    ///
-    /// # Errors
-    /// The first mistake.
-    pub fn expect_start(&self) -> anyhow::Result<()> {
-        self.expect_none(together::faults(self, &self.runs()?))?;
-        together::expect_places(self)?;
-        // One for all cameras, and slow to read.
-        let camera = &self.cameras[0];
-        let engine = &camera.args.engine;
-        engine.expect_model().map_err(|e| {
-            let model = EngineArgs {
-                stage2: None,
-                ..engine.clone()
-            };
-            let key = match model.expect_model() {
-                Ok(()) => "stage2",
-                Err(_) => "model",
-            };
-            self.blame(camera, &[key], e)
-        })
-    }
-
     /// The calibration of all cameras of this run, where they see the same people. One that the file names says nothing
     /// of a camera that runs alone.
     ///
@@ -120,11 +57,6 @@ impl Effective {
             .into()),
             _ => Ok(None),
         }
-    }
-
-    fn names(&self) -> Vec<String> {
-        let names = self.cameras.iter().map(|c| c.args.input.name.clone());
-        names.flatten().collect()
     }
 
     /// The runs, with the fit of each.
@@ -190,7 +122,7 @@ impl Effective {
         });
         let fit = fit.transpose();
         let fit = fit.map_err(|e| self.blame(camera, &["fit"], e))?;
-        let events = events.as_ref().map(|e| events::config(Some(e)));
+        let events = events.as_ref().map(|e| event_settings::config(Some(e)));
         let events = events.transpose();
         let events = events.map_err(|e| self.blame(camera, &["events"], e))?;
         Ok((fit, events))

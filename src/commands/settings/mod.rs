@@ -8,6 +8,8 @@ mod metrics_args;
 mod multiview_args;
 mod named;
 mod rate;
+mod run_args;
+mod several;
 mod together;
 
 use std::collections::BTreeMap;
@@ -32,6 +34,8 @@ pub use effective::{Effective, Origins, effective};
 pub use metrics_args::{Loopback, MetricsArgs};
 pub use multiview_args::MultiviewArgs;
 pub use rate::parse_rate;
+pub use run_args::RunArgs;
+pub use several::{expect_camera, expect_each_its_own, expect_one_for_vmc};
 
 /// A commented file that holds every key.
 pub const SAMPLE: &str = include_str!("../../../deploy/edgecap.toml");

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use super::blame::{Fault, is_of_who_asks, told_as};
 use super::effective::{Camera, Effective, Origins};
-use super::together;
+use super::{RunArgs, together};
 use crate::camera::{CameraFile, calibration};
 use crate::capture::{self, InputSpec};
 use crate::commands::exit::{self, Failure};
-use crate::commands::multiview::no_such_camera;
+use crate::commands::views::no_such_camera;
 use crate::config::{Mistake, Origin, Setting};
 use crate::output;
 
@@ -93,6 +93,21 @@ impl Effective {
             Some((camera, key, path.filter(|_| is_named(origins, key))?))
         };
         all.into_iter().filter_map(named).collect()
+    }
+
+    /// The cameras whose network's input, or looks, are asked for in ways that do not go together.
+    pub(super) fn doubled_inputs(&self, runs: &[RunArgs]) -> Vec<Fault<'_>> {
+        let each = self.cameras.iter().zip(runs);
+        let doubled = each.filter_map(|(camera, run)| {
+            let engine = &run.engine;
+            let error = engine.inputs(true).err()?;
+            let keys = match engine.size.is_some() {
+                true => &["quality", "size"],
+                false => &["looks", "quality"],
+            };
+            Some(Fault::new(camera, keys, error))
+        });
+        doubled.collect()
     }
 
     /// Lenses and a calibration that are named and cannot be read or are wrong, and models that cannot be opened.

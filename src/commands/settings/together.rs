@@ -7,13 +7,68 @@ use edgecap_client::{LinkError, Subscriber};
 
 use super::blame::Fault;
 use super::effective::{Camera, Effective};
-use super::multiview_args::MultiviewArgs;
+use super::several::{Devices, expect_addresses, expect_camera, expect_one_for_vmc};
+use super::{MultiviewArgs, RunArgs};
 use crate::capture::{self, InputSpec};
 use crate::commands::apart::Apart;
 use crate::commands::exit::Failure;
+use crate::commands::infer::EngineArgs;
 use crate::commands::input;
 use crate::commands::outputs::RecordArgs;
-use crate::commands::run::{Devices, RunArgs, expect_addresses, expect_camera, expect_one_for_vmc};
+use crate::commands::views::choose;
+
+impl Effective {
+    /// Looks at the files that the settings name, too.
+    ///
+    /// # Errors
+    /// The first that is wrong or cannot be read.
+    pub fn check(&self) -> anyhow::Result<()> {
+        self.apart()?;
+        self.expect_none(self.unreadable())?;
+        self.expect_none(self.doubled_inputs(&self.runs()?))?;
+        if let Some(calibration) = self.calibration()? {
+            let chosen = choose(&self.names(), calibration);
+            chosen.map_err(|e| self.blame(&self.cameras[0], &["calibration"], e))?;
+        }
+        Ok(())
+    }
+
+    /// Holds apart what the runs read and write.
+    ///
+    /// # Errors
+    /// The first two files that are the same; exit code 78 where the settings name them, 64 where one was typed.
+    pub fn apart(&self) -> anyhow::Result<()> {
+        apart(self, self.calibration()?.is_some())
+    }
+
+    /// Whether a run would start with these settings, cameras aside that may be plugged in later.
+    ///
+    /// # Errors
+    /// The first mistake.
+    pub fn expect_start(&self) -> anyhow::Result<()> {
+        self.expect_none(faults(self, &self.runs()?))?;
+        expect_places(self)?;
+        // One for all cameras, and slow to read.
+        let camera = &self.cameras[0];
+        let engine = &camera.args.engine;
+        engine.expect_model().map_err(|e| {
+            let model = EngineArgs {
+                stage2: None,
+                ..engine.clone()
+            };
+            let key = match model.expect_model() {
+                Ok(()) => "stage2",
+                Err(_) => "model",
+            };
+            self.blame(camera, &[key], e)
+        })
+    }
+
+    fn names(&self) -> Vec<String> {
+        let names = self.cameras.iter().map(|c| c.args.input.name.clone());
+        names.flatten().collect()
+    }
+}
 
 /// What the runs would find wrong when they start. A camera may be plugged in later.
 pub fn faults<'a>(effective: &'a Effective, runs: &[RunArgs]) -> Vec<Fault<'a>> {

@@ -2,8 +2,8 @@
 
 use std::io;
 
-use edgecap::capture::camera::{PictureDecoder, PixelFormat, RawLayout};
 use edgecap::capture::{AviWriter, Brightness, Frame, Matrix, RawDecoder, RawPicture};
+use edgecap::capture::{PictureDecoder, PixelFormat, RawLayout};
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use proptest::prelude::*;

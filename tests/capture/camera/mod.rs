@@ -6,8 +6,8 @@ mod lock;
 mod opening;
 mod recovery;
 
-use edgecap::capture::camera::{PixelFormat, RawLayout};
 use edgecap::capture::{Matrix, Range};
+use edgecap::capture::{PixelFormat, RawLayout};
 
 /// How a buffer lies in memory, of limited range in the colours of BT.601.
 fn layout(format: PixelFormat, width: u32, height: u32, stride: u32) -> RawLayout {

@@ -1,6 +1,7 @@
 //! What is opened: devices that are no camera, and the mode that is chosen of a camera's.
 
-use edgecap::capture::camera::{Mode, PixelFormat, choose_mode};
+use edgecap::capture::PixelFormat;
+use edgecap::capture::camera::{Mode, choose_mode};
 use edgecap::capture::{InputSpec, OpenOptions, open};
 
 #[test]

@@ -6,7 +6,8 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use edgecap::camera::{Clock, monotonic_ns};
-use edgecap::capture::camera::{CameraPort, CameraStream, Live, PixelFormat, Step};
+use edgecap::capture::PixelFormat;
+use edgecap::capture::camera::{CameraPort, CameraStream, Live, Step};
 use edgecap::capture::{CameraSource, CaptureError, Frame, RawPicture, Source};
 
 use super::layout;

@@ -20,7 +20,6 @@ fn long_a_browser_shows_who_is_published() {
     let view = View::start("browser", &[]);
     let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     browser.open(&view.url);
@@ -120,7 +119,6 @@ fn long_a_browser_shows_who_is_published() {
 fn long_a_browser_shows_a_room_to_who_has_the_token() {
     let view = View::start("browser-room", &["--token", "a-token-of-ours"]);
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     browser.open(&format!("http://{}/?token=an-older-one", view.host()));
@@ -206,7 +204,6 @@ fn shows(scene: &Value, frame: &BodyFrame) {
 #[ignore = "long: a browser"]
 fn long_a_browser_goes_through_a_record_by_keys() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -284,7 +281,6 @@ fn long_a_browser_goes_through_a_record_by_keys() {
 #[ignore = "long: a browser"]
 fn long_a_browser_whose_connections_break_off_shows_all_of_a_record_once() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -317,7 +313,6 @@ fn long_a_browser_whose_connections_break_off_shows_all_of_a_record_once() {
 #[ignore = "long: a browser"]
 fn long_a_browser_waits_for_a_slow_camera_and_lets_go_of_who_has_gone() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let gone = stream("page-gone");
@@ -381,7 +376,6 @@ fn long_a_browser_waits_for_a_slow_camera_and_lets_go_of_who_has_gone() {
 #[ignore = "long: a browser"]
 fn long_a_browser_tells_of_each_camera_and_keeps_what_is_paused() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let second = stream("second");
@@ -460,7 +454,6 @@ fn long_a_browser_tells_of_each_camera_and_keeps_what_is_paused() {
 #[ignore = "long: a browser"]
 fn long_a_browser_notices_a_server_that_answers_no_more() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let view = View::start("silent", &[]);
@@ -487,7 +480,6 @@ fn long_a_browser_notices_a_server_that_answers_no_more() {
 #[ignore = "long: a browser"]
 fn long_a_browser_says_why_no_stream_comes_and_when_the_past_does() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let view = View::start("streamless", &[]);
@@ -535,7 +527,6 @@ fn long_a_browser_says_why_no_stream_comes_and_when_the_past_does() {
 #[ignore = "long: a browser"]
 fn long_a_browser_shows_the_chosen_camera_again_and_nothing_of_a_films_earlier_run() {
     let Some(mut browser) = Browser::start(1280, 800) else {
-        eprintln!("skipped: no chromium on this machine");
         return;
     };
     let film = stream("chosen");

@@ -46,10 +46,12 @@ struct Level {
     told: bool,
 }
 
-/// A machine that has become slower: seconds a picture, at first and now.
+/// A machine that has become slower.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slower {
+    /// Seconds a picture at first.
     pub at_first: f32,
+    /// Seconds a picture now.
     pub now: f32,
 }
 
@@ -161,9 +163,9 @@ impl Level {
 }
 
 impl Slower {
-    /// A line for the log, with what the processor says of its temperature.
-    pub fn line(&self) -> String {
-        let heat = match throttled() {
+    /// A line for the log, with how often the processor was `throttled` for heat, as far as it says.
+    pub fn line(&self, throttled: Option<u64>) -> String {
+        let heat = match throttled {
             Some(0) => {
                 "the processor has not been throttled for heat: something else uses it".into()
             }
@@ -181,24 +183,6 @@ impl Slower {
             1e3 * self.at_first
         )
     }
-}
-
-/// How often the cores have been throttled, as far as the kernel says.
-fn throttled() -> Option<u64> {
-    let cores = std::fs::read_dir("/sys/devices/system/cpu").ok()?;
-    cores
-        .filter_map(|core| {
-            let count = core
-                .ok()?
-                .path()
-                .join("thermal_throttle/core_throttle_count");
-            std::fs::read_to_string(count)
-                .ok()?
-                .trim()
-                .parse::<u64>()
-                .ok()
-        })
-        .reduce(|a, b| a.saturating_add(b))
 }
 
 #[cfg(test)]
@@ -323,11 +307,12 @@ mod tests {
             (told[0].now / told[0].at_first - 2.0).abs() < 0.1,
             "{told:?}"
         );
+        let line = told[0].line(Some(3));
         assert!(
-            told[0]
-                .line()
-                .contains("40 ms, 2.0 times what it took at first (20 ms)")
+            line.contains("40 ms, 2.0 times what it took at first (20 ms)"),
+            "{line}"
         );
+        assert!(line.contains("throttled for heat 3 times"), "{line}");
         assert_eq!(play(&mut speed, &mut clock, 0.02, minute), []);
         assert_eq!(play(&mut speed, &mut clock, 0.04, minute).len(), 1);
     }

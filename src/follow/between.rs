@@ -3,27 +3,26 @@
 
 use std::time::Instant;
 
-use edgecap_client::joints::{EVIDENCE_JOINTS, LIMB_JOINTS};
 use edgecap_client::message::{Intrinsics, StageTimes};
 
-use super::due::Due;
-use super::spacing::Spacing;
+use super::joints::follow;
 use crate::capture::{Frame, Letterbox};
-use crate::commands::pipeline::{FrameObservations, Pipeline};
 use crate::detect::Detection;
 use crate::flow::{LucasKanade, Pyramid};
-use crate::lift::Lifter;
+use crate::lift::{FrameObservations, LiftError, Lifter};
+use crate::schedule::due::Due;
+use crate::schedule::spacing::Spacing;
 
-/// Radius of the window round a joint, share of the person's longer side: about a wrist and what is round it.
-const WINDOW: f32 = 0.04;
-/// How fast the confidence of a joint fades while it goes with others, as what is round it tells no place, per second:
-/// of trunk and head, of elbows and knees, of wrists and ankles. One that is followed stays as sure as it was seen.
-/// Measured on 1,200 pictures with truth, 30 a second.
-const FADING: [f32; EVIDENCE_JOINTS] = [
-    1.5, 1.5, 1.5, 5.0, 13.0, 1.5, 5.0, 13.0, 1.5, 5.0, 13.0, 1.5, 5.0, 13.0,
-];
-/// Whoever has fewer of the joints that were seen followed is to be looked at.
-const FOLLOWED: f32 = 0.5;
+/// Whom a look at a picture found.
+#[derive(Debug, Clone, Copy)]
+pub struct Found<'a> {
+    /// Everyone, before lifting.
+    pub people: &'a [Detection],
+    /// Where the picture lies in the input that they are in.
+    pub letterbox: Letterbox,
+    /// People left out because their neck was not found.
+    pub without_neck: u32,
+}
 
 /// People on their way from one look to the next.
 pub struct Between {
@@ -50,22 +49,22 @@ pub struct Between {
 }
 
 impl Between {
-    /// For a film, with looks `interval` nanoseconds apart and the Stage II of `stages`.
-    pub fn new(interval: u64, stages: &Pipeline) -> Self {
-        Self::with(Some(interval), None, stages)
+    /// For a film, with looks `interval` nanoseconds apart and this Stage II.
+    pub fn new(interval: u64, lifter: Lifter) -> Self {
+        Self::with(Some(interval), None, lifter)
     }
 
-    /// For a camera, with looks by these `stages` as far apart as `spacing` says.
-    pub fn of_camera(spacing: Spacing, stages: &Pipeline) -> Self {
-        Self::with(spacing.apart(), Some(spacing), stages)
+    /// For a camera, with looks as far apart as `spacing` says and this Stage II.
+    pub fn of_camera(spacing: Spacing, lifter: Lifter) -> Self {
+        Self::with(spacing.apart(), Some(spacing), lifter)
     }
 
-    fn with(apart: Option<u64>, spacing: Option<Spacing>, stages: &Pipeline) -> Self {
+    fn with(apart: Option<u64>, spacing: Option<Spacing>, lifter: Lifter) -> Self {
         Self {
             due: apart.map(Due::new),
             spacing,
             flow: LucasKanade::default(),
-            lifter: stages.lifter().clone(),
+            lifter,
             before: Pyramid::default(),
             now: Pyramid::default(),
             again: false,
@@ -109,9 +108,9 @@ impl Between {
         true
     }
 
-    /// Takes in whom `stages` saw in a picture that was looked at, and how many seconds that took, if it tells
-    /// anything. Where somebody is missed, or new, the next one is looked at, too: one look may be wrong.
-    pub fn looked(&mut self, frame: &Frame, stages: &Pipeline, seconds: Option<f32>) {
+    /// Takes in whom a look `found` in a picture, and how many seconds it took, if that tells anything. Where somebody
+    /// is missed, or new, the next one is looked at, too: one look may be wrong.
+    pub fn looked(&mut self, frame: &Frame, found: Found<'_>, seconds: Option<f32>) {
         if let (Some(spacing), Some(seconds)) = (&mut self.spacing, seconds) {
             if spacing.looked(frame.time_ns, seconds).is_some() {
                 tracing::info!("{}", spacing.line());
@@ -125,13 +124,13 @@ impl Between {
         let Some(due) = &mut self.due else {
             return;
         };
-        let (people, letterbox) = stages.found();
+        let Found { people, .. } = found;
         let is_sure = self.again || people.len() == self.people.len();
         self.again = !is_sure;
         self.people.clear();
         self.people.extend_from_slice(people);
-        self.letterbox = letterbox;
-        self.without_neck = stages.seen().without_neck;
+        self.letterbox = found.letterbox;
+        self.without_neck = found.without_neck;
         let is_filled = self.lost.take() == Some(frame.time_ns);
         if is_filled {
             std::mem::swap(&mut self.before, &mut self.now);
@@ -155,7 +154,7 @@ impl Between {
         &mut self,
         frame: &Frame,
         intrinsics: &Intrinsics,
-    ) -> anyhow::Result<FrameObservations<'_>> {
+    ) -> Result<FrameObservations<'_>, LiftError> {
         let start = Instant::now();
         let people = self
             .lifter
@@ -172,70 +171,16 @@ impl Between {
     }
 }
 
-/// Moves somebody's joints from the first of two pictures into the second, which lie in the network's input as
-/// `letterbox` says and were taken so many `seconds` apart. False where too few could be followed.
-fn follow(
-    person: &mut Detection,
-    letterbox: &Letterbox,
-    [before, now]: [&Pyramid; 2],
-    seconds: f32,
-    flow: &mut LucasKanade,
-) -> bool {
-    let (joints, confidence) = (&mut person.joints, &mut person.confidence);
-    let is_seen = joints.map(|j| j[2] > 0.0);
-    let radius = WINDOW * longer_side(joints) / letterbox.scale;
-    let ways: [Option<[f32; 2]>; EVIDENCE_JOINTS] = std::array::from_fn(|j| {
-        let [u, v, _] = joints[j];
-        let at = letterbox.to_original(u, v);
-        let to = is_seen[j].then(|| flow.follow(before, now, at, radius))??;
-        Some([0, 1].map(|k| (to[k] - at[k]) * letterbox.scale))
-    });
-    let count = |of: &[bool]| of.iter().filter(|is| **is).count() as f32;
-    if count(&ways.map(|w| w.is_some())) < FOLLOWED * count(&is_seen) {
-        return false;
-    }
-    let all = mean(ways.iter().flatten());
-    for (j, joint) in joints.iter_mut().enumerate().filter(|(j, _)| is_seen[*j]) {
-        let beside = LIMB_JOINTS.iter().filter_map(|&(a, b)| match j {
-            _ if a == j => ways[b].as_ref(),
-            _ if b == j => ways[a].as_ref(),
-            _ => None,
-        });
-        let way = ways[j].or_else(|| mean(beside)).or(all);
-        let [u, v] = way.unwrap_or_default();
-        (joint[0], joint[1]) = (joint[0] + u, joint[1] + v);
-        if ways[j].is_none() {
-            confidence[j] *= (-FADING[j] * seconds).exp();
-        }
-    }
-    true
-}
-
-/// The mean of ways, if there are any.
-fn mean<'a>(ways: impl Iterator<Item = &'a [f32; 2]>) -> Option<[f32; 2]> {
-    let sum = |[u, v, n]: [f32; 3], w: &[f32; 2]| [u + w[0], v + w[1], n + 1.0];
-    let [u, v, n] = ways.fold([0.0; 3], sum);
-    (n > 0.0).then(|| [u / n, v / n])
-}
-
-/// The longer side of the box round the seen joints, in their unit.
-fn longer_side(joints: &[[f32; 3]; EVIDENCE_JOINTS]) -> f32 {
-    let seen = || joints.iter().filter(|j| j[2] > 0.0);
-    let side = |k: usize| {
-        let low = seen().map(|j| j[k]).fold(f32::INFINITY, f32::min);
-        let high = seen().map(|j| j[k]).fold(f32::NEG_INFINITY, f32::max);
-        (high - low).max(0.0)
-    };
-    side(0).max(side(1))
-}
-
 #[cfg(test)]
 mod tests {
     use edgecap_client::joints::NECK;
+    use edgecap_client::message::Observation;
 
     use super::*;
-    use crate::capture::{demo, open_bytes};
-    use crate::commands::infer::EngineArgs;
+    use crate::capture::{Resizer, demo, open_bytes};
+    use crate::detect::{AssociationConfig, Associator};
+    use crate::engine::{Engine, EngineOptions, Model};
+    use crate::lift::Encodings;
 
     const FRAME_NS: u64 = 33_333_333;
     const R_ANKLE: usize = 10;
@@ -256,19 +201,73 @@ mod tests {
         Intrinsics::from_horizontal_fov(frame.width, frame.height, 60.0)
     }
 
+    /// The stages of a look at the usual input.
+    struct Stages {
+        resizer: Resizer,
+        input: Vec<u8>,
+        engine: Engine,
+        associator: Associator,
+        lifter: Lifter,
+        letterbox: Letterbox,
+    }
+
+    impl Stages {
+        fn shipped() -> Self {
+            let model = Model::shipped().unwrap();
+            let options = EngineOptions {
+                threads: 1,
+                ..EngineOptions::default()
+            };
+            let engine = Engine::new(&model, options).unwrap();
+            let resizer = Resizer::new(options.width as u32, options.height as u32);
+            let stage2 = &model.stage2().unwrap().layers;
+            let encodings = match model.encodings_trained() {
+                true => Encodings::Read,
+                false => Encodings::Zero,
+            };
+            Self {
+                input: vec![0; resizer.output_bytes()],
+                resizer,
+                associator: Associator::new(AssociationConfig::of(&model).unwrap()),
+                lifter: Lifter::new(stage2, encodings, engine.isa()).unwrap(),
+                engine,
+                letterbox: Letterbox::fit(1, 1, 1, 1),
+            }
+        }
+
+        /// Everyone in the frame.
+        fn look(&mut self, frame: &Frame) -> &[Observation] {
+            self.letterbox = self.resizer.run(frame, &mut self.input);
+            let maps = self.engine.run(&self.input);
+            let people = self.associator.associate(maps);
+            let seen = self
+                .lifter
+                .lift(people, frame, &self.letterbox, &lens(frame));
+            seen.unwrap()
+        }
+
+        /// The same of the last frame.
+        fn seen(&self) -> &[Observation] {
+            self.lifter.lifted()
+        }
+
+        fn found(&self) -> Found<'_> {
+            Found {
+                people: self.associator.found(),
+                letterbox: self.letterbox,
+                without_neck: self.associator.without_neck(),
+            }
+        }
+    }
+
     /// The stages, and who is on their way to the next of two looks a second.
-    fn looked(frame: &Frame) -> (Pipeline, Between) {
-        let engine = EngineArgs {
-            threads: Some(1),
-            ..EngineArgs::default()
-        };
-        let mut stages = engine.build((512, 320)).unwrap();
-        let mut between = Between::new(500_000_000, &stages);
-        stages.process(frame, &lens(frame)).unwrap();
-        assert!(!stages.found().0.is_empty());
+    fn looked(frame: &Frame) -> (Stages, Between) {
+        let mut stages = Stages::shipped();
+        let mut between = Between::new(500_000_000, stages.lifter.clone());
+        assert!(!stages.look(frame).is_empty());
         // Who is new is looked at twice.
-        between.looked(frame, &stages, None);
-        between.looked(frame, &stages, None);
+        between.looked(frame, stages.found(), None);
+        between.looked(frame, stages.found(), None);
         (stages, between)
     }
 
@@ -295,7 +294,7 @@ mod tests {
         assert!(between.follow(&next));
         let seen = between.lift(&next, &lens(&next)).unwrap();
         assert_eq!(seen.times.stage1_us, 0);
-        let before = stages.seen().people;
+        let before = stages.seen();
         assert_eq!(seen.people.len(), before.len());
         for (a, b) in before.iter().zip(seen.people) {
             assert_eq!(a.score, b.score);
@@ -312,7 +311,7 @@ mod tests {
     fn a_joint_that_cannot_be_seen_goes_with_others_and_is_less_sure() {
         let first = pictures(1).remove(0);
         let (stages, mut between) = looked(&first);
-        let before = stages.seen().people[0];
+        let before = stages.seen()[0];
         let [u, v, _] = before.joints2d[R_ANKLE];
         let mut next = moved(&first, 5, 3);
         for y in v as usize - 20..v as usize + 20 {
@@ -340,8 +339,8 @@ mod tests {
         let mut wall = film[1].clone();
         wall.rgb.fill(90);
         let mut look = |between: &mut Between, frame: &Frame, next: &Frame| {
-            stages.process(frame, &lens(frame)).unwrap();
-            between.looked(frame, &stages, None);
+            stages.look(frame);
+            between.looked(frame, stages.found(), None);
             between.follow(next)
         };
         let mut later = wall.clone();
@@ -364,11 +363,11 @@ mod tests {
         }
         let last = &film[3];
         let followed = between.lift(last, &lens(last)).unwrap().people.to_vec();
-        let seen = stages.process(last, &lens(last)).unwrap().people;
+        let seen = stages.look(last);
         assert_eq!(followed.len(), seen.len());
         let mut off: Vec<f32> = Vec::new();
         for a in &followed {
-            let apart = |b: &edgecap_client::message::Observation| {
+            let apart = |b: &Observation| {
                 let pairs = a.joints2d.iter().zip(&b.joints2d);
                 let both = pairs.filter(|(p, q)| p[2] > 0.5 && q[2] > 0.5);
                 let far = both.map(|(p, q)| (p[0] - q[0]).hypot(p[1] - q[1]));

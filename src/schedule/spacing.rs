@@ -168,7 +168,7 @@ impl Spacing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::infer::due::Due;
+    use crate::schedule::due::Due;
 
     const SECOND: u64 = 1_000_000_000;
 

@@ -1,13 +1,13 @@
-//! A few values by what they are for, of which the one not used for longest makes room.
+//! A cache of a few values, of which the one that was not used for longest makes room (least recently used).
 
 /// Values by key, those used last at the end.
 #[derive(Debug)]
-pub struct Kept<K, V> {
+pub struct Lru<K, V> {
     most: usize,
     all: Vec<(K, V)>,
 }
 
-impl<K: PartialEq, V> Kept<K, V> {
+impl<K: PartialEq, V> Lru<K, V> {
     /// None yet, and never more than `most`, at least one.
     pub fn new(most: usize) -> Self {
         Self {
@@ -55,23 +55,23 @@ mod tests {
 
     #[test]
     fn what_was_not_used_for_longest_makes_room() {
-        let mut kept = Kept::new(2);
+        let mut cache = Lru::new(2);
         let mut made = Vec::new();
         for key in [1, 2, 1, 3, 1, 2] {
-            let value = kept.of(key, |k| {
+            let value = cache.of(key, |k| {
                 made.push(*k);
                 Ok::<_, ()>(10 * k)
             });
             assert_eq!(value, Ok(&mut (10 * key)));
         }
         assert_eq!(made, [1, 2, 3, 2]);
-        assert_eq!((kept.count(), kept.last()), (2, Some(&(2, 20))));
+        assert_eq!((cache.count(), cache.last()), (2, Some(&(2, 20))));
     }
 
     #[test]
     fn what_cannot_be_made_is_not_kept() {
-        let mut kept = Kept::<u32, u32>::new(2);
-        assert_eq!(kept.of(1, |_| Err("no")), Err("no"));
-        assert_eq!(kept.count(), 0);
+        let mut cache = Lru::<u32, u32>::new(2);
+        assert_eq!(cache.of(1, |_| Err("no")), Err("no"));
+        assert_eq!(cache.count(), 0);
     }
 }
