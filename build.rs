@@ -8,10 +8,23 @@ use std::{env, fs};
 const MODEL: &str = "models/edgecap.ecm";
 /// What is embedded in its place with the feature `open-weights`.
 const OPEN_MODEL: &str = "models/open/edgecap-open.ecm";
-/// What the program is made of. `models` is a folder, so that a file that appears later is seen too.
-pub(crate) const SOURCES: [&str; 9] = [
+/// What the program is made of. No folder in which Python lies: it keeps compiled files beside its sources, and each of
+/// them would have the program built again.
+pub(crate) const SOURCES: [&str; 21] = [
     "build.rs",
-    "models",
+    MODEL,
+    "models/edgecap.ecm.blake3",
+    "models/association.toml",
+    "models/skeleton.toml",
+    "models/selecsls.toml",
+    "models/selecsls42.toml",
+    "models/selecsls60.toml",
+    "models/selecsls84.toml",
+    "models/resnet50.toml",
+    "models/body/body.npz",
+    "models/body/poses.npz",
+    "models/demo",
+    "models/open",
     "src",
     "kernels",
     "clients/rust",
@@ -26,11 +39,11 @@ pub(crate) const SOURCES: [&str; 9] = [
 const COMMIT: &str = "EDGECAP_COMMIT";
 
 fn main() {
+    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     for source in SOURCES {
-        println!("cargo:rerun-if-changed={source}");
+        println!("cargo:rerun-if-changed={}", watched(&root, source));
     }
     println!("cargo:rerun-if-env-changed={COMMIT}");
-    let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
     let (name, kind) = match env::var_os("CARGO_FEATURE_OPEN_WEIGHTS") {
         Some(_) => (OPEN_MODEL, "open weights"),
@@ -57,6 +70,15 @@ fn main() {
         "/// The file, or none in a build without weights.\npub(super) const BYTES: Option<&[u8]> = {bytes};\n"
     );
     fs::write(out.join("shipped_model.rs"), code).expect("OUT_DIR is writable");
+}
+
+/// What is watched of a source. To Cargo a file that is absent has changed at every build; the folder in which it would
+/// lie changes when it appears.
+pub(crate) fn watched<'a>(root: &Path, source: &'a str) -> &'a str {
+    match source.rsplit_once('/') {
+        Some((folder, _)) if !root.join(source).exists() => folder,
+        _ => source,
+    }
 }
 
 /// The commit that the sources are of, and whether they were changed since: as it is `named`, else as their repository
