@@ -203,8 +203,8 @@ unsafe impl<D: Dot> Chain for Plain<D> {
 }
 
 impl<D: Dot> Plain<D> {
-    /// [`Chain::sum`]. Every step calls AHEAD lines from `ahead` bytes behind its weights into the caches, at most as
-    /// many as it reads.
+    /// [`Chain::sum`]. Every step calls the next AHEAD lines into the caches, from `ahead` bytes behind the first weights
+    /// on; at most as many as it reads.
     ///
     /// # Safety
     /// As [`Chain::sum`].
@@ -216,6 +216,9 @@ impl<D: Dot> Plain<D> {
     ) -> [[D::Acc; NV]; MR] {
         let vector = 4 * D::S::LANES;
         let mut w = tile.weights;
+        let mut next = w.wrapping_add(ahead);
+        let lines = AHEAD.min((NV * vector).div_ceil(LINE));
+        let called = (lines * LINE).min(NV * vector);
         for &tap in tile.taps {
             // SAFETY: the tile's pixels at this tap have 4 · depth readable bytes each (caller); the panel holds
             // taps · depth · NV vectors (`Packed`), of which every step reads the next NV.
@@ -226,11 +229,10 @@ impl<D: Dot> Plain<D> {
                     for n in 1..NV {
                         weights[n] = D::weights(w.add(n * vector));
                     }
-                    if AHEAD > 0 {
-                        for n in 0..AHEAD.min((NV * vector).div_ceil(LINE)) {
-                            prefetch(w.wrapping_add(ahead + n * LINE));
-                        }
+                    for n in 0..lines {
+                        prefetch(next.wrapping_add(n * LINE));
                     }
+                    next = next.wrapping_add(called);
                     for m in 0..MR {
                         let value = D::splat(x.add(m * tile.x_step));
                         for n in 0..NV {

@@ -193,8 +193,9 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
         let panel = packed.weights(packed.panel(self.group, self.block, 0));
         let point_bytes = packed.depth() * NV * lanes * 4;
         let lane = (self.group * packed.vectors() + packed.blocks()[self.block].first) * lanes;
-        // The next point's weights are called while this one's are multiplied: one line a step with each of the first
-        // tiles, where there are as many tiles as a step reads lines, else all with the first.
+        // The next point's weights are called while this one's are multiplied, in the order in which they lie: that is
+        // what caches expect. One line a step with each of the first tiles, where there are as many tiles as a step
+        // reads lines, else all with the first.
         let step_lines = (NV * lanes * 4).div_ceil(LINE);
         let spread = self.tiles.count >= step_lines * MR;
         for point in 0..POINTS {
@@ -223,8 +224,8 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
     }
 
     /// Products of M tiles from tile `first`, a multiple of MR, at one point. Of what lies behind `weights`, the next
-    /// point's or the next block's, every step calls AHEAD lines into the caches: of those that a step there reads, the
-    /// ones from the number of this tile among those of its size.
+    /// point's or the next block's, every step calls the next AHEAD lines into the caches, beginning where the MR tiles
+    /// before these have ended.
     ///
     /// # Safety
     /// As [`run`]; M is at most MR; `weights` are the point's; at `bias` are NV vectors.
@@ -261,7 +262,8 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
                 weights: weights.as_ptr(),
                 segments: &[],
             };
-            let ahead = weights.len() + first / D::MAX_MR * LINE;
+            let called = first / D::MAX_MR * job.packed.depth() * LINE;
+            let ahead = weights.len() + called;
             let acc = Plain::<D>::products::<M, NV, AHEAD>(acc, &tile, ahead);
             let to = job
                 .scratch
