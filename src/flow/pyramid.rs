@@ -16,7 +16,8 @@ pub struct Pyramid {
     scales: Vec<Plane>,
     /// Pixels of the picture along a pixel of the finest scale.
     shrink: usize,
-    /// What every byte column of some rows sums up to.
+    /// What columns of some rows sum up to. A picture has at most 16,384 pixels a side, so that 26 rows and three
+    /// colours add up to less than 2^16.
     sums: Vec<u16>,
 }
 
@@ -34,22 +35,18 @@ impl Pyramid {
         let finest = &mut self.scales[0];
         finest.resize(width, height);
         let stride = 3 * frame.width as usize;
-        let (used, block) = (3 * shrink.min(frame.width as usize), shrink);
+        let used = 3 * shrink.min(frame.width as usize);
         let rows = finest.values.chunks_exact_mut(width);
         for (row, out) in rows.enumerate() {
-            self.sums.clear();
-            self.sums.resize(used * width, 0);
-            let of = frame.rgb[row * block * stride..].chunks_exact(stride);
-            let mut count = 0;
-            for bytes in of.take(block) {
-                count += used;
-                for (sum, byte) in self.sums.iter_mut().zip(bytes) {
-                    *sum += u16::from(*byte);
-                }
-            }
-            let share = (count as f32).recip();
-            for (out, sums) in out.iter_mut().zip(self.sums.chunks_exact(used)) {
-                *out = share * sums.iter().map(|s| u32::from(*s)).sum::<u32>() as f32;
+            let of = frame.rgb[row * shrink * stride..].chunks_exact(stride);
+            let rows = add_up(of.take(shrink), used * width, &mut self.sums);
+            let share = ((rows * used) as f32).recip();
+            add_colours(&mut self.sums);
+            match used / 3 {
+                1 => means::<1>(&self.sums, share, out),
+                2 => means::<2>(&self.sums, share, out),
+                3 => means::<3>(&self.sums, share, out),
+                columns => means_of(columns, &self.sums, share, out),
             }
         }
         for k in 1..SCALES {
@@ -71,6 +68,44 @@ impl Pyramid {
     /// Pixels of the picture along a pixel of the finest scale.
     pub fn shrink(&self) -> f32 {
         self.shrink as f32
+    }
+}
+
+/// Adds up the first `width` bytes of every row, column by column, and returns how many rows there were.
+fn add_up<'a>(rows: impl Iterator<Item = &'a [u8]>, width: usize, sums: &mut Vec<u16>) -> usize {
+    sums.clear();
+    sums.resize(width, 0);
+    let mut count = 0;
+    for bytes in rows {
+        count += 1;
+        for (sum, byte) in sums.iter_mut().zip(bytes) {
+            *sum += u16::from(*byte);
+        }
+    }
+    count
+}
+
+/// Adds to every sum the next two: what the colours of a pixel sum up to stands at its first.
+fn add_colours(sums: &mut [u16]) {
+    for i in 2..sums.len() {
+        sums[i - 2] += sums[i - 1] + sums[i];
+    }
+}
+
+/// [`means_of`] N columns: a loop of a length that the compiler knows.
+fn means<const N: usize>(sums: &[u16], share: f32, out: &mut [f32]) {
+    means_of(N, sums, share, out);
+}
+
+/// `share` of what so many columns of pixels sum up to, in turn.
+#[inline(always)]
+fn means_of(columns: usize, sums: &[u16], share: f32, out: &mut [f32]) {
+    for (out, sums) in out.iter_mut().zip(sums.chunks_exact(3 * columns)) {
+        let mut total = 0;
+        for column in 0..columns {
+            total += u32::from(sums[3 * column]);
+        }
+        *out = share * total as f32;
     }
 }
 
@@ -118,6 +153,53 @@ mod tests {
         let first = &pyramid.scales()[0];
         for x in [0, 7, 100] {
             assert_eq!(first.values[640 * 9 + x], 2.0 * x as f32 + 0.5);
+        }
+    }
+
+    #[test]
+    fn a_mean_is_of_all_colours_and_pixels_however_many_they_are() {
+        for (width, height) in [
+            (5, 3),
+            (1300, 9),
+            (1930, 7),
+            (2600, 8),
+            (5000, 20),
+            (1, 1300),
+            (2, 2000),
+        ] {
+            let mut pyramid = Pyramid::default();
+            let rgb = (0..3 * width * height).map(|i| (i * 37 % 256) as u8);
+            let frame = Frame {
+                width: width as u32,
+                height: height as u32,
+                rgb: rgb.collect(),
+                ..Frame::default()
+            };
+            // Of the picture before nothing is left.
+            pyramid.fill(&Frame {
+                rgb: vec![255; 3 * 700 * 700],
+                width: 700,
+                height: 700,
+                ..Frame::default()
+            });
+            pyramid.fill(&frame);
+            let (first, shrink) = (&pyramid.scales()[0], pyramid.shrink() as usize);
+            for (i, value) in first.values.iter().enumerate() {
+                let (top, left) = (i / first.width * shrink, i % first.width * shrink);
+                let rows = top..(top + shrink).min(height);
+                let of: Vec<u8> = rows
+                    .flat_map(|y| {
+                        let start = 3 * (y * width + left);
+                        &frame.rgb[start..(start + 3 * shrink).min(3 * (y + 1) * width)]
+                    })
+                    .copied()
+                    .collect();
+                let mean = of.iter().map(|v| f32::from(*v)).sum::<f32>() / of.len() as f32;
+                assert!(
+                    (value - mean).abs() < 1e-3,
+                    "{width}x{height}: {i}: {value}, {mean}"
+                );
+            }
         }
     }
 }
