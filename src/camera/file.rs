@@ -5,7 +5,7 @@ use std::path::Path;
 use edgecap_client::message::Intrinsics;
 use serde::{Deserialize, Serialize};
 
-use super::{Brown, CameraError};
+use super::{Brown, CameraError, calibration};
 use crate::bounded;
 
 /// Horizontal field of view of an ordinary webcam, degrees.
@@ -75,7 +75,14 @@ impl CameraFile {
             bounded::read_text(path, bounded::SETTINGS).map_err(|e| CameraError::read(path, e))?;
         Self::parse(&text).map_err(|reason| CameraError::Settings {
             file: path.display().to_string(),
-            reason,
+            reason: match calibration::whose(&text) {
+                Some(other) => format!(
+                    "expected the lens alone (TOML), found a calibration of {other}; write fx, fy, cx, cy, width, \
+                     height, all in pixels, and k1, k2, p1, p2, k3 into a file of their own, a line each, as in \
+                     fx = 900.5"
+                ),
+                None => reason,
+            },
         })
     }
 

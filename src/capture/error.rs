@@ -127,6 +127,10 @@ impl CaptureError {
     pub(crate) fn from_io_named(input: &str, source: io::Error) -> Self {
         let input = input.to_owned();
         match source.kind() {
+            io::ErrorKind::NotFound if input.is_empty() => Self::NoInput {
+                input: "an input without a name".into(),
+                reason: "expected a path, found none; is a variable of a script empty?".into(),
+            },
             io::ErrorKind::NotFound => Self::NoInput {
                 input,
                 reason: "no such file or folder; check the path".into(),

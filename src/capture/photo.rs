@@ -28,7 +28,10 @@ const BACKDROP: u32 = 128;
 /// Reads photos one after the other.
 pub struct PhotoSource {
     name: String,
+    folder: Option<PathBuf>,
     files: Vec<PathBuf>,
+    /// What was said of others in the folder.
+    told: Option<String>,
     position: usize,
     fps: Option<f64>,
     bytes: Vec<u8>,
@@ -38,7 +41,16 @@ pub struct PhotoSource {
 impl PhotoSource {
     /// One photo.
     pub fn file(path: &Path, fps: Option<f64>) -> Self {
-        Self::new(path, vec![path.to_owned()], fps)
+        Self {
+            name: name_of(path),
+            folder: None,
+            files: vec![path.to_owned()],
+            told: None,
+            position: 0,
+            fps,
+            bytes: Vec::new(),
+            decoder: PhotoDecoder::default(),
+        }
     }
 
     /// Every JPEG and PNG file of a folder, as an album has them. Hidden files are left out; what else looks like a
@@ -49,32 +61,35 @@ impl PhotoSource {
     /// [`CaptureError::NoInput`] when the folder is missing or holds no photo; [`CaptureError::Permission`],
     /// [`CaptureError::Io`] when it cannot be read.
     pub fn folder(path: &Path, fps: Option<f64>) -> Result<Self, CaptureError> {
-        let album = Album::of(path).map_err(|e| CaptureError::from_io(path, e))?;
+        let mut source = Self {
+            folder: Some(path.to_owned()),
+            files: Vec::new(),
+            ..Self::file(path, fps)
+        };
+        source.list(path)?;
+        Ok(source)
+    }
+
+    /// Begins with the first photo that a folder has now.
+    fn list(&mut self, folder: &Path) -> Result<(), CaptureError> {
+        let album = Album::of(folder).map_err(|e| CaptureError::from_io(folder, e))?;
         let left_out = album.left_out();
         if album.photos.is_empty() {
             let others = left_out.map_or(String::new(), |others| format!(" but {others}"));
             return Err(CaptureError::NoInput {
-                input: name_of(path),
+                input: self.name.clone(),
                 reason: format!(
                     "expected photos (.jpg, .jpeg, .png) in this folder, found none{others}"
                 ),
             });
         }
-        if let Some(others) = left_out {
-            tracing::warn!("{}: left out: {others}", name_of(path));
+        if left_out != self.told
+            && let Some(others) = &left_out
+        {
+            tracing::warn!("{}: left out: {others}", self.name);
         }
-        Ok(Self::new(path, album.photos, fps))
-    }
-
-    fn new(path: &Path, files: Vec<PathBuf>, fps: Option<f64>) -> Self {
-        Self {
-            name: name_of(path),
-            files,
-            position: 0,
-            fps,
-            bytes: Vec::new(),
-            decoder: PhotoDecoder::default(),
-        }
+        (self.files, self.told, self.position) = (album.photos, left_out, 0);
+        Ok(())
     }
 
     /// The files in the order in which they are read.
@@ -105,6 +120,15 @@ impl Source for PhotoSource {
             .map_err(|e| if one_of_many { e.into_picture() } else { e })?;
         frame.sequence = index as u64;
         frame.time_ns = (index as f64 * 1e9 / self.fps.unwrap_or(DEFAULT_FPS)).round() as u64;
+        Ok(true)
+    }
+
+    /// Photos of a folder may have come and gone.
+    fn rewind(&mut self) -> Result<bool, CaptureError> {
+        self.position = 0;
+        if let Some(folder) = self.folder.clone() {
+            self.list(&folder)?;
+        }
         Ok(true)
     }
 

@@ -1,6 +1,8 @@
 //! Motion-JPEG AVI: what is written can be read, and nothing that is read can harm.
 
-use std::io::{Cursor, Write};
+use std::io::{Cursor, Read, Seek, SeekFrom, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use edgecap::capture::{
     AviReader, AviWriter, Brightness, CaptureError, Frame, InputSpec, OpenOptions, RawDecoder,
@@ -290,6 +292,48 @@ fn outer_lengths_of_zero_last_to_the_end() {
     bytes[movi - 4..movi].fill(0);
     let reader = AviReader::new(Cursor::new(bytes), "clip.avi").unwrap();
     assert_eq!(reader.frame_count(), Some(3));
+}
+
+/// Counts how often it is read.
+struct Counted(Cursor<Vec<u8>>, Arc<AtomicUsize>);
+
+impl Read for Counted {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        self.1.fetch_add(1, Ordering::Relaxed);
+        self.0.read(buffer)
+    }
+}
+
+impl Seek for Counted {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        self.0.seek(to)
+    }
+}
+
+/// A recorder that lost power leaves what it had asked the disk for: zeros, gigabytes of them.
+#[test]
+fn zeros_between_and_behind_pictures_are_passed_over_at_once() {
+    let mut bytes = clip(3);
+    let at = |code: &[u8], bytes: &[u8]| bytes.windows(4).position(|w| w == code).unwrap();
+    let movi = at(b"movi", &bytes);
+    bytes[4..8].fill(0);
+    bytes[movi - 4..movi].fill(0);
+    bytes.truncate(at(b"idx1", &bytes));
+    let first = movi + 4;
+    let second = first + 8 + at(b"00dc", &bytes[first + 8..]);
+    bytes.splice(second..second, [0; 4000]);
+    bytes.resize(bytes.len() + (1 << 20) + 8, 0);
+    let reads = Arc::new(AtomicUsize::new(0));
+    let counted = Counted(Cursor::new(bytes), Arc::clone(&reads));
+    let mut reader = AviReader::new(counted, "clip.avi").unwrap();
+    assert!(reads.load(Ordering::Relaxed) < 200, "{reads:?}");
+    let mut frame = Frame::default();
+    for k in 0..3 {
+        assert!(reader.next_into(&mut frame).unwrap());
+        let d = mean_difference(&frame.rgb, &picture(8 * k).rgb);
+        assert!(d < 3.0, "frame {k} differs by {d}");
+    }
+    assert!(!reader.next_into(&mut frame).unwrap());
 }
 
 #[test]

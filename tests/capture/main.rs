@@ -5,6 +5,7 @@ mod camera;
 mod ffmpeg;
 mod photo;
 mod resize;
+mod said;
 #[path = "../program/script.rs"]
 mod script;
 mod spec;

@@ -12,6 +12,8 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{DynamicImage, ExtendedColorType, ImageEncoder, ImageFormat, RgbImage};
 use proptest::prelude::*;
 
+use crate::said::said;
+
 /// Four quadrants of different colours, wider than high.
 fn quadrants() -> RgbImage {
     RgbImage::from_fn(48, 32, |x, y| {
@@ -535,6 +537,37 @@ fn a_folder_is_read_in_natural_order_and_survives_one_bad_file() {
             (30, 3, 300_000_000)
         ]
     );
+}
+
+/// Played like a camera, a folder of a few photos begins anew many times a second.
+#[test]
+fn a_folder_that_begins_anew_is_looked_at_again_and_says_only_what_is_news() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let photo = png(&DynamicImage::ImageRgb8(quadrants()));
+    std::fs::write(at("a.png"), &photo).unwrap();
+    std::fs::write(at("b.webp"), "bytes").unwrap();
+    let text = said(|| {
+        let mut source = PhotoSource::folder(folder.path(), None).unwrap();
+        let mut play = || {
+            let names = std::iter::from_fn(|| source.next().unwrap().map(|_| source.picture()));
+            let names: Vec<String> = names.collect();
+            assert!(source.rewind().unwrap());
+            names.len()
+        };
+        assert_eq!([play(), play(), play()], [1; 3]);
+        std::fs::write(at("c.png"), &photo).unwrap();
+        std::fs::write(at("d.gif"), "bytes").unwrap();
+        // What was listed when it began anew last.
+        assert_eq!([play(), play(), play()], [1, 2, 2]);
+        for name in ["a.png", "c.png"] {
+            std::fs::remove_file(at(name)).unwrap();
+        }
+        assert_eq!(source.rewind().unwrap_err().exit_code(), 66);
+    });
+    let told: Vec<&str> = text.lines().filter(|l| l.contains("left out")).collect();
+    assert_eq!(told.len(), 2, "{text}");
+    assert!(told[0].contains("b.webp") && told[1].contains("d.gif"));
 }
 
 #[test]

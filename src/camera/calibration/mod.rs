@@ -181,6 +181,15 @@ pub fn has_matrix(path: &Path) -> bool {
     text(path).is_ok_and(|content| pose2sim::has_matrix(&content))
 }
 
+/// Whose calibration a text is, where that can be told without reading it.
+pub fn whose(content: &str) -> Option<&'static str> {
+    match format(content) {
+        Format::OpenCv | Format::OtherStorage(_) => Some("OpenCV"),
+        Format::Qtm => Some("QTM"),
+        Format::Pose2Sim => pose2sim::has_matrix(content).then_some("Pose2Sim or Anipose"),
+    }
+}
+
 fn text(path: &Path) -> Result<String, CameraError> {
     bounded::read_text(path, bounded::SETTINGS).map_err(|e| CameraError::read(path, e))
 }

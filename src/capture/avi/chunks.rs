@@ -81,6 +81,10 @@ fn walk<R: Read + Seek>(
         let mut head = [0; 8];
         reader.seek(SeekFrom::Start(at))?;
         reader.read_exact(&mut head)?;
+        if depth > 0 && head == [0; 8] {
+            at = behind_zeros(reader, at + 8, end)?;
+            continue;
+        }
         let code: [u8; 4] = head[..4].try_into().unwrap_or_default();
         let body = at + 8;
         let length = match (&code, u64::from(u32_at(&head, 4))) {
@@ -116,9 +120,11 @@ fn walk<R: Read + Seek>(
             b"strh" if whole && length >= 28 => {
                 let mut bytes = [0; 28];
                 reader.read_exact(&mut bytes)?;
-                layout.in_video = &bytes[..4] == b"vids" && layout.video.is_none();
-                layout.is_of_video = layout.in_video;
-                if layout.in_video {
+                // Camcorders have one stream for picture and sound, whose format says nothing of codecs.
+                layout.is_of_video =
+                    matches!(&bytes[..4], b"vids" | b"iavs") && layout.video.is_none();
+                layout.in_video = layout.is_of_video && &bytes[..4] == b"vids";
+                if layout.is_of_video {
                     layout.video = Some(layout.streams);
                     layout.timing = Some((u32_at(&bytes, 20), u32_at(&bytes, 24)));
                     layout.codec = bytes[4..8].try_into().ok();
@@ -141,7 +147,7 @@ fn walk<R: Read + Seek>(
                 reader.read_exact(&mut bytes)?;
                 layout.shape = vprp_shape(&bytes);
             }
-            [a, b, b'd', b'c' | b'b'] if is_stream(*a, *b, layout.video) => {
+            [a, b, b'd', b'c' | b'b'] | [a, b, b'_', b'_'] if is_stream(*a, *b, layout.video) => {
                 if whole {
                     layout.entries.push(Entry {
                         offset: body,
@@ -156,6 +162,26 @@ fn walk<R: Read + Seek>(
         at = body + length + (length & 1);
     }
     Ok(())
+}
+
+/// Bytes that are read at once where zeros lie.
+const BLOCK_BYTES: usize = 1 << 16;
+
+/// Where zeros end that begin in front of `from`, in whole steps of a chunk's head, `end` at most: where a recorder
+/// lost power, gigabytes of them may follow its last picture.
+fn behind_zeros<R: Read + Seek>(reader: &mut R, from: u64, end: u64) -> io::Result<u64> {
+    let mut block = [0; BLOCK_BYTES];
+    let mut at = from;
+    while at < end {
+        let wanted = (end - at).min(BLOCK_BYTES as u64) as usize;
+        let block = &mut block[..wanted];
+        reader.read_exact(block)?;
+        if let Some(zeros) = block.iter().position(|b| *b != 0) {
+            return Ok(at + (zeros as u64 & !7));
+        }
+        at += wanted as u64;
+    }
+    Ok(end)
 }
 
 /// Whether a chunk of a film may lie outside its RIFF chunks: padding between them, and all that follows the headers

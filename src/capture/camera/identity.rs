@@ -26,8 +26,8 @@ pub enum Who {
     At(PathBuf),
     /// Another one, where this one may come yet.
     Early(CameraInfo),
-    /// Another one, for good, in place of this one.
-    Another(CameraInfo),
+    /// Another one, for good.
+    Another,
 }
 
 impl Identity {
@@ -36,12 +36,16 @@ impl Identity {
         self.camera.as_ref()
     }
 
-    /// From now on it is this one.
-    pub fn remember(&mut self, camera: CameraInfo) {
-        *self = Self {
-            camera: Some(camera),
-            others: 0,
-        };
+    /// Whether nobody else was there than this one.
+    pub fn may_be(&self, here: &CameraInfo) -> bool {
+        self.camera.as_ref().is_none_or(|c| c.is_same_camera(here))
+    }
+
+    /// From now on it is this one. Returns who was there, where that is another one.
+    pub fn remember(&mut self, camera: CameraInfo) -> Option<CameraInfo> {
+        let is_known = self.may_be(&camera);
+        self.others = 0;
+        self.camera.replace(camera).filter(|_| !is_known)
     }
 
     /// Compares who is `here` with who was; `all` lists the cameras that there are.
@@ -55,7 +59,7 @@ impl Identity {
         self.others += 1;
         match self.others < PATIENCE {
             true => Who::Early(camera.clone()),
-            false => Who::Another(camera.clone()),
+            false => Who::Another,
         }
     }
 }
@@ -82,7 +86,7 @@ mod tests {
             ..camera(path, "usb-1")
         };
         let mut first = Identity::default();
-        first.remember(sensor("/dev/video0", Some(0)));
+        assert_eq!(first.remember(sensor("/dev/video0", Some(0))), None);
         let other = sensor("/dev/video0", Some(2));
         let all = vec![other.clone(), sensor("/dev/video2", Some(0))];
         let there = first.compare(&other, || all);
@@ -116,9 +120,14 @@ mod tests {
             let early = Who::Early(before.clone());
             assert_eq!(identity.compare(&new, || vec![new.clone()]), early);
         }
-        let another = Who::Another(before);
-        assert_eq!(identity.compare(&new, || vec![new.clone()]), another);
-        identity.remember(new.clone());
+        // One that cannot be used is met again and again.
+        for _ in 0..2 {
+            let who = identity.compare(&new, || vec![new.clone()]);
+            assert_eq!(who, Who::Another);
+            assert!(identity.may_be(&before) && !identity.may_be(&new));
+        }
+        assert_eq!(identity.remember(new.clone()), Some(before));
         assert_eq!(identity.compare(&new, Vec::new), Who::Same);
+        assert_eq!(identity.remember(new), None, "it is no news any more");
     }
 }

@@ -70,12 +70,19 @@ pub fn list_cameras() -> Result<Vec<CameraInfo>, CaptureError> {
         .collect();
     paths.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
     let mut cameras = Vec::new();
-    let mut forbidden = None;
+    let (mut part, mut forbidden) = (None, None);
     for path in paths {
         match Camera::open(&path).and_then(|camera| camera.capabilities()) {
             // Webcams have a second file for metadata, which gives no pictures.
-            Ok(caps) if caps.can_stream => cameras.push(CameraInfo::new(path, caps)),
-            Ok(_) => {}
+            Ok(caps) if !caps.can_stream => {}
+            Ok(caps) => {
+                let stands_alone = caps.stands_alone;
+                let info = CameraInfo::new(path, caps);
+                match stands_alone {
+                    true => cameras.push(info),
+                    false => part = part.or(Some(info)),
+                }
+            }
             Err(e) if e.kind() == io::ErrorKind::PermissionDenied => {
                 forbidden.get_or_insert(path);
             }
@@ -85,10 +92,25 @@ pub fn list_cameras() -> Result<Vec<CameraInfo>, CaptureError> {
     match (cameras.is_empty(), forbidden) {
         (false, _) => Ok(cameras),
         (true, Some(path)) => Err(not_permitted(&path.display().to_string())),
-        (true, None) => Err(CaptureError::Unavailable {
-            what: "camera".into(),
-            reason: "expected a camera (/dev/video*), found none; plug one in, or give --input with a photo, a folder or a film".into(),
-        }),
+        (true, None) => Err(no_camera(part.as_ref())),
+    }
+}
+
+/// The error of a machine without a camera; `part`: what gives pictures, and none by itself.
+fn no_camera(part: Option<&CameraInfo>) -> CaptureError {
+    let but = part.map_or(String::new(), |part| {
+        format!(
+            " that gives pictures by itself ({}, {}, wants other programs: v4l2loopback hands on what they take)",
+            part.path.display(),
+            part.name
+        )
+    });
+    CaptureError::Unavailable {
+        what: "camera".into(),
+        reason: format!(
+            "expected a camera (/dev/video*), found none{but}; plug one in, or give --input with a photo, a folder or \
+             a film"
+        ),
     }
 }
 
@@ -105,6 +127,21 @@ pub(crate) fn not_permitted(device: &str) -> CaptureError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_machine_with_nothing_but_parts_of_cameras_is_told_so() {
+        let processor = CameraInfo {
+            path: "/dev/video14".into(),
+            name: "bcm2835-isp".into(),
+            driver: "bcm2835-isp".into(),
+            bus: "platform:bcm2835-isp".into(),
+            index: None,
+        };
+        let said = no_camera(Some(&processor)).to_string();
+        assert!(said.contains("(/dev/video14, bcm2835-isp, wants"), "{said}");
+        let said = no_camera(None).to_string();
+        assert!(said.contains("found none; plug one in"), "{said}");
+    }
 
     #[test]
     fn a_device_file_s_index_is_read_by_its_number() {

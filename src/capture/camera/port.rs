@@ -107,18 +107,7 @@ impl V4l2Port {
                     ),
                 })
             }
-            Who::Another(before) => {
-                self.lock.hold(&here.path)?;
-                tracing::warn!(
-                    "{}: another camera is here now, and its pictures are taken: {} at {} in place of {} at {}",
-                    self.name,
-                    here.name,
-                    here.bus,
-                    before.name,
-                    before.bus
-                );
-                Ok((camera, caps, here))
-            }
+            Who::Another => Ok((camera, caps, here)),
         }
     }
 }
@@ -166,26 +155,25 @@ impl CameraPort for V4l2Port {
     fn open(&mut self) -> Result<Box<dyn CameraStream>, CaptureError> {
         let (camera, caps, info) = self.open_same()?;
         self.lock.hold(&info.path)?;
-        if !caps.can_stream {
-            let what = if caps.multi_plane {
-                "gives multi-plane pictures, which are not supported"
-            } else {
-                "gives no pictures"
-            };
-            return Err(unusable(self.name.clone(), what));
+        let stream = match self.start_closest(&camera, &caps, &info) {
+            Ok(stream) => stream,
+            Err(e) => {
+                // One in another's place that is of no use may be of use to another process.
+                if !self.identity.may_be(&info) {
+                    self.lock.release();
+                }
+                return Err(e);
+            }
+        };
+        let here = format!("{} at {}", info.name, info.bus);
+        if let Some(before) = self.identity.remember(info) {
+            tracing::warn!(
+                "{}: another camera is here now, and its pictures are taken: {here} in place of {} at {}",
+                self.name,
+                before.name,
+                before.bus
+            );
         }
-        let size = self.options.size.unwrap_or(DEFAULT_SIZE);
-        let is_named = self.options.size.is_some();
-        let offered = modes(&camera, size);
-        let candidates = candidates(&offered, size, is_named, self.wanted_fps()).ok_or_else(|| {
-            unusable(
-                self.name.clone(),
-                "offers none of the formats YUYV, UYVY, NV12, YU12, GREY, RGB24, BGR24 and MJPEG",
-            )
-        })?;
-        let started = with_room(candidates, |mode| self.start(&camera, &info, mode))?;
-        let stream = started.map_err(|e| refused(&self.name, e))?;
-        self.identity.remember(info);
         Ok(Box::new(stream))
     }
 
@@ -197,6 +185,34 @@ impl CameraPort for V4l2Port {
 impl V4l2Port {
     fn wanted_fps(&self) -> f64 {
         self.options.fps.unwrap_or(DEFAULT_FPS)
+    }
+
+    /// Starts a camera in the mode closest to what is wished, in a compressed one where there is no room for that.
+    fn start_closest(
+        &self,
+        camera: &Camera,
+        caps: &Capabilities,
+        info: &CameraInfo,
+    ) -> Result<V4l2Stream, CaptureError> {
+        if !caps.can_stream {
+            let what = if caps.multi_plane {
+                "gives multi-plane pictures, which are not supported"
+            } else {
+                "gives no pictures"
+            };
+            return Err(unusable(self.name.clone(), what));
+        }
+        let size = self.options.size.unwrap_or(DEFAULT_SIZE);
+        let is_named = self.options.size.is_some();
+        let offered = modes(camera, size);
+        let candidates = candidates(&offered, size, is_named, self.wanted_fps()).ok_or_else(|| {
+            unusable(
+                self.name.clone(),
+                "offers none of the formats YUYV, UYVY, NV12, YU12, GREY, RGB24, BGR24 and MJPEG",
+            )
+        })?;
+        let started = with_room(candidates, |mode| self.start(camera, info, mode))?;
+        started.map_err(|e| refused(&self.name, e))
     }
 
     /// Agrees on a format and starts; the inner answer is that of starting.

@@ -1,9 +1,10 @@
 //! Films of any kind through an installed `ffmpeg`: a path goes in, frames come out of the child's pipe.
 //!
-//! The child writes every decoded picture as a PPM (`P6`, width, height, 255, RGB bytes), so that rotation and sizes
-//! that change need no care here. Times come from `ffprobe` ([`probe`]), and which of them a picture has from the child
-//! ([`shown`]). The child, and what it has started, is killed and reaped when the source is dropped; if this process
-//! dies first, the child's next write fails and it ends by itself.
+//! The child writes every decoded picture as a PPM (`P6`, width, height, 255, RGB bytes), so that rotation needs no
+//! care here; where pictures change their size, it scales them to that of the first, whatever their shape. Times come
+//! from `ffprobe` ([`probe`]), and which of them a picture has from the child ([`shown`]). The child, and what it has
+//! started, is killed and reaped when the source is dropped; if this process dies first, the child's next write fails
+//! and it ends by itself.
 
 mod probe;
 mod shown;
@@ -198,6 +199,8 @@ pub struct FfmpegSource {
     playing: Playing,
     progress: Progress,
     ended: bool,
+    /// Whether it was told what ffmpeg says of the film.
+    has_told: bool,
 }
 
 impl FfmpegSource {
@@ -221,6 +224,7 @@ impl FfmpegSource {
             film,
             progress: Progress::default(),
             ended: false,
+            has_told: false,
         })
     }
 
@@ -254,7 +258,9 @@ impl FfmpegSource {
         let said = cut_line.or(lines().next_back());
         if status.success() && !is_cut && given > 0 {
             // No failure: streams that begin between two key pictures are complained of, too, and are whole.
-            if let (false, Some(line)) = (has_number, said) {
+            if let (false, Some(line)) = (has_number, said)
+                && !std::mem::replace(&mut self.has_told, true)
+            {
                 tracing::warn!(
                     "{name}: ffmpeg says: {line}; if the film plays longer, copy it again"
                 );

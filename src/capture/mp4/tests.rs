@@ -1,5 +1,6 @@
 //! H.264 without ffmpeg. A real film comes from the folder in `EDGECAP_DATA`.
 
+mod damaged;
 #[path = "../../../tests/program/tools.rs"]
 mod tools;
 

@@ -118,3 +118,32 @@ fn wrong_camera_files_are_refused_with_a_reason() {
     assert_eq!(error.exit_code(), 78);
     assert!(error.to_string().contains("camera.toml"));
 }
+
+/// Whoever has calibrated with another program gives its file.
+#[test]
+fn a_calibration_of_another_program_is_told_from_a_lens() {
+    let folder = tempfile::tempdir().unwrap();
+    let opencv = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
+                  cols: 3\n   dt: d\n   data: [ 600., 0., 320., 0., 600., 240., 0., 0., 1. ]\n";
+    let pose2sim =
+        "[cam01]\nsize = [640, 480]\nmatrix = [[600, 0, 320], [0, 600, 240], [0, 0, 1]]\n";
+    for (name, text, whose) in [
+        ("a.yml", opencv, "OpenCV"),
+        ("b.yml", &opencv[opencv.find("image").unwrap()..], "OpenCV"),
+        (
+            "c.xml",
+            "<?xml version=\"1.0\"?>\n<opencv_storage>\n",
+            "OpenCV",
+        ),
+        ("d.toml", pose2sim, "Pose2Sim"),
+        ("e.qca.txt", "<calibration><cameras/></calibration>", "QTM"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let error = CameraFile::read(&path).unwrap_err();
+        assert_eq!(error.exit_code(), 78, "{error}");
+        let error = error.to_string();
+        let found = format!("{name}: expected the lens alone");
+        assert!(error.contains(&found) && error.contains(whose), "{error}");
+    }
+}

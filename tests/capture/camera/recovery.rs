@@ -11,6 +11,7 @@ use edgecap::capture::camera::{CameraPort, CameraStream, Live, Step};
 use edgecap::capture::{CameraSource, CaptureError, Frame, RawPicture, Source};
 
 use super::layout;
+use crate::said::said;
 
 /// What the fake camera does next.
 #[derive(Debug)]
@@ -226,29 +227,6 @@ fn every_error_leads_to_reopening() {
         ]);
         assert_eq!(next_picture(&mut live).0, 0, "error {code}");
     }
-}
-
-/// What is said while `work` is done.
-fn said(work: impl FnOnce()) -> String {
-    #[derive(Clone, Default)]
-    struct Said(Arc<Mutex<Vec<u8>>>);
-    impl io::Write for Said {
-        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-            self.0.lock().unwrap().extend(bytes);
-            Ok(bytes.len())
-        }
-        fn flush(&mut self) -> io::Result<()> {
-            Ok(())
-        }
-    }
-    let said = Said::default();
-    let to = said.clone();
-    let log = tracing_subscriber::fmt()
-        .with_writer(move || to.clone())
-        .finish();
-    tracing::subscriber::with_default(log, work);
-    let said = said.0.lock().unwrap();
-    String::from_utf8(said.clone()).unwrap()
 }
 
 #[test]

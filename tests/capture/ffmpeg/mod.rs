@@ -9,7 +9,9 @@ use std::process::Command;
 
 use edgecap::camera::SystemClock;
 use edgecap::capture::{CaptureError, Ffmpeg, FfmpegSource, Frame, PacedSource, Source};
+use edgecap::capture::{InputSpec, OpenOptions, open};
 
+use crate::said::said;
 use crate::script::script;
 use crate::tools;
 
@@ -110,6 +112,77 @@ fn a_film_that_plays_over_and_over_is_probed_once_until_it_is_another() {
     std::fs::rename(at("other.mp4"), &film).unwrap();
     play_until(played + 10);
     assert_eq!(probes(), 2);
+}
+
+#[test]
+fn what_ffmpeg_says_of_a_film_that_plays_over_and_over_is_told_once() {
+    let folder = tempfile::tempdir().unwrap();
+    // Each time with other words: a place in memory is among them.
+    let programs = stand_ins(
+        folder.path(),
+        &format!("{PICTURE}; echo \"[h264 @ $$] mmco: unref short failure\" >&2"),
+        "printf 'packet,0.0,0.0,K__\\nstream,2/1,N/A\\n'",
+    );
+    let film = folder.path().join("film.ts");
+    std::fs::write(&film, "film").unwrap();
+    let text = said(|| {
+        let mut source = FfmpegSource::open(&film, &programs).unwrap();
+        for _ in 0..3 {
+            assert!(source.next().unwrap().is_some());
+            assert!(source.next().unwrap().is_none());
+            assert!(source.rewind().unwrap());
+        }
+    });
+    assert_eq!(text.matches("ffmpeg says").count(), 1, "{text}");
+}
+
+/// Camcorders put picture and sound into one stream of an AVI file, of a kind of its own.
+#[test]
+fn avi_files_of_camcorders_are_given_to_ffmpeg() {
+    if !tools::has("ffmpeg") {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let digital_video = folder.path().join("film.dv");
+    let source = "testsrc=size=720x576:rate=25:duration=0.2";
+    made(&digital_video, source, &["-pix_fmt", "yuv420p"]);
+    let chunk = |code: &[u8; 4], body: &[u8]| {
+        let length = (body.len() as u32).to_le_bytes();
+        [code, &length[..], body].concat()
+    };
+    let list = |kind: &[u8; 4], chunks: &[Vec<u8>]| {
+        chunk(b"LIST", &[&kind[..], &chunks.concat()].concat())
+    };
+    let words = |words: &[u32]| {
+        words
+            .iter()
+            .flat_map(|w| w.to_le_bytes())
+            .collect::<Vec<u8>>()
+    };
+    let main = words(&[40_000, 0, 0, 0, 5, 0, 1, 0, 720, 576, 0, 0, 0, 0]);
+    // Rate after scale; how many pictures.
+    let stream = words(&[0, 0, 0, 1, 25, 0, 5, 0, 0, 0, 0, 0]);
+    let stream = [b"iavsdvsd", &stream[..]].concat();
+    let headers = [chunk(b"strh", &stream), chunk(b"strf", &[0; 32])];
+    let headers = [chunk(b"avih", &main), list(b"strl", &headers)];
+    let pictures = std::fs::read(&digital_video).unwrap();
+    let pictures: Vec<Vec<u8>> = pictures
+        .chunks(144_000)
+        .map(|p| chunk(b"00__", p))
+        .collect();
+    let film = [list(b"hdrl", &headers), list(b"movi", &pictures)];
+    let avi = folder.path().join("film.avi");
+    let open = |content: &[Vec<u8>]| {
+        let content = [&b"AVI "[..], &content.concat()].concat();
+        std::fs::write(&avi, chunk(b"RIFF", &content)).unwrap();
+        open(&InputSpec::Path(avi.clone()), &OpenOptions::default())
+    };
+    let mut source = open(&film).unwrap();
+    let frame = source.next().unwrap().unwrap();
+    assert_eq!(frame.height, 576);
+    let error = open(&film[..1]).err().unwrap();
+    assert_eq!(error.exit_code(), 65);
+    assert!(error.to_string().contains("no pictures"), "{error}");
 }
 
 #[test]

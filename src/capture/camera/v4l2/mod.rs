@@ -26,10 +26,12 @@ pub(crate) use stream::{Ready, Stream};
 const VIDEO_CAPTURE: u32 = 1;
 /// `V4L2_FIELD_NONE`: whole pictures, no half-pictures.
 const FIELD_NONE: u32 = 1;
-/// `V4L2_CAP_VIDEO_CAPTURE`, `V4L2_CAP_VIDEO_CAPTURE_MPLANE`, `V4L2_CAP_STREAMING`, `V4L2_CAP_DEVICE_CAPS`.
+/// `V4L2_CAP_VIDEO_CAPTURE`, `V4L2_CAP_VIDEO_CAPTURE_MPLANE`, `V4L2_CAP_STREAMING`, `V4L2_CAP_IO_MC`,
+/// `V4L2_CAP_DEVICE_CAPS`.
 const CAP_CAPTURE: u32 = 0x1;
 const CAP_CAPTURE_MPLANE: u32 = 0x1000;
 const CAP_STREAMING: u32 = 0x0400_0000;
+const CAP_IO_MC: u32 = 0x2000_0000;
 const CAP_DEVICE_CAPS: u32 = 0x8000_0000;
 /// Most entries that are asked of any list: a driver that never says "no more" must not keep us.
 const MAX_ENTRIES: u32 = 256;
@@ -74,6 +76,10 @@ pub(crate) struct Capabilities {
     pub can_stream: bool,
     /// Gives pictures in multi-plane buffers only: chips of phones and boards, not webcams.
     pub multi_plane: bool,
+    /// Gives pictures by itself. Image processors of chips (`bcm2835-isp` of the Raspberry Pi) look like cameras, and
+    /// give what a program has put in; sensors of boards and some laptops want their parts joined before, as libcamera
+    /// does.
+    pub stands_alone: bool,
 }
 
 /// An open device file.
@@ -131,7 +137,16 @@ impl Camera {
             bus: text(&caps.bus_info),
             can_stream: flags & CAP_CAPTURE != 0 && flags & CAP_STREAMING != 0,
             multi_plane: flags & CAP_CAPTURE_MPLANE != 0,
+            stands_alone: stands_alone(flags, &self.input()),
         })
+    }
+
+    /// Which of its inputs pictures come from.
+    fn input(&self) -> io::Result<libc::c_int> {
+        let mut input = 0;
+        // SAFETY: VIDIOC_G_INPUT takes an int.
+        unsafe { ioctl(&self.handle, vidioc::VIDIOC_G_INPUT, &mut input)? };
+        Ok(input)
     }
 
     /// Four letters of every pixel format.
@@ -247,6 +262,13 @@ impl Camera {
     }
 }
 
+/// Whether a device of these capabilities gives pictures by itself: a camera's driver knows of an input, though the
+/// camera may fail to say of which.
+fn stands_alone(flags: u32, input: &io::Result<libc::c_int>) -> bool {
+    let refusal = input.as_ref().err().and_then(io::Error::raw_os_error);
+    flags & CAP_IO_MC == 0 && refusal != Some(libc::ENOTTY)
+}
+
 /// What a driver's words about luma and chroma mean, by numbers of `linux/videodev2.h`: 0 leaves it to the colourspace,
 /// as in the kernel's `V4L2_MAP_YCBCR_ENC_DEFAULT` and `V4L2_MAP_QUANTIZATION_DEFAULT`. Matrices that are not known
 /// here count as the nearest one.
@@ -282,6 +304,16 @@ fn text(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn image_processors_and_sensors_to_be_joined_give_nothing_by_themselves() {
+        let fails = |code| Err(io::Error::from_raw_os_error(code));
+        let webcam = CAP_CAPTURE | CAP_STREAMING;
+        assert!(stands_alone(webcam, &Ok(0)));
+        assert!(stands_alone(webcam, &fails(libc::EIO)));
+        assert!(!stands_alone(webcam, &fails(libc::ENOTTY)));
+        assert!(!stands_alone(webcam | CAP_IO_MC, &Ok(0)));
+    }
 
     #[test]
     fn colours_are_what_the_driver_says_or_its_colourspace() {
