@@ -38,7 +38,7 @@ fn quantised(model: &Model) -> Model {
 }
 
 /// Root mean square of the difference over that of the reference.
-fn error(expected: &Maps, found: &Maps) -> f32 {
+pub fn error(expected: &Maps, found: &Maps) -> f32 {
     let all = |m: &Maps| {
         let values = m.head2d.iter().chain(&m.head3d);
         values.copied().collect::<Vec<f32>>()

@@ -1,5 +1,6 @@
 //! The stages before shared memory, each by itself, and what draws their results.
 
+mod any_network;
 mod build_script;
 mod detect;
 mod detect_maps;

@@ -121,6 +121,6 @@ impl Graph {
     /// Weights and biases after batch norm is folded.
     pub fn parameters(&self) -> usize {
         let of = |n: &Node| n.conv().map_or(0, |s| s.weight_len() + s.out_channels());
-        self.nodes.iter().map(of).sum()
+        self.nodes.iter().map(of).fold(0, usize::saturating_add)
     }
 }

@@ -251,6 +251,19 @@ mod tests {
         assert_eq!(network.graph().nodes.len(), 9_002);
     }
 
+    /// 2⁵² weights a layer, of which 4096 are more than can be counted.
+    #[test]
+    fn weights_beyond_counting_are_as_many_as_can_be_counted() {
+        let layer = |i: u32| {
+            format!(
+                r#"{{ kind = "conv", name = "{i}", out = 1048576, kernel = 64, stride = 64 }},"#
+            )
+        };
+        let layers: String = (0..4_200).map(layer).collect();
+        let network = with_layers(&layers).unwrap();
+        assert_eq!(network.graph().parameters(), usize::MAX);
+    }
+
     #[test]
     fn an_output_that_a_layer_reads_is_refused() {
         let text = Network::shipped("selecsls").unwrap().source().to_string();
