@@ -170,24 +170,10 @@ pub fn calibrate(
         CalibrateError::Untracked { seen, .. } => CalibrateError::Untracked { seen, shared },
         other => other,
     };
-    let settle = |mut cameras: Vec<Pose>| {
-        for sigma in SIGMAS {
-            let tracks = people(lenses, &cameras, &used, rate)?;
-            refine(&mut cameras, &tracks, sigma);
-            let size = Sizes::new(lenses, &cameras, &tracks).of_room()?;
-            rescale(&mut cameras, 1.0 / size);
-        }
-        let tracks = people(lenses, &cameras, &used, rate)?;
-        let joints = tracks.iter().flat_map(|t| joints(lenses, &cameras, t));
-        let solid = world::solidity(&joints.collect::<Vec<_>>());
-        let views = placed(lenses, &cameras);
-        let worth = agreement(&views, &tracks) * solid * alike(&views, &tracks);
-        Ok((worth, cameras))
-    };
     let mut failure = None;
     let mut answers = Vec::new();
     for start in rig::assemble(lenses, &used, rate).map_err(of_all)? {
-        match settle(start) {
+        match settle(lenses, start, &used, rate) {
             Ok(answer) => answers.push(answer),
             Err(e) => failure = Some(of_all(e)),
         }
@@ -203,6 +189,28 @@ pub fn calibrate(
         }
     }
     Err(first.unwrap_or(CalibrateError::NoPair))
+}
+
+/// Moves the cameras of an answer to agree about everyone; people are of canonical stature. How well they agree then,
+/// the more the better, comes first.
+fn settle(
+    lenses: &[View],
+    mut cameras: Vec<Pose>,
+    frames: &[Vec<Detections>],
+    rate: f64,
+) -> Result<(f64, Vec<Pose>), CalibrateError> {
+    for sigma in SIGMAS {
+        let tracks = people(lenses, &cameras, frames, rate)?;
+        refine(&mut cameras, &tracks, sigma);
+        let size = Sizes::new(lenses, &cameras, &tracks).of_room()?;
+        rescale(&mut cameras, 1.0 / size);
+    }
+    let tracks = people(lenses, &cameras, frames, rate)?;
+    let joints = tracks.iter().flat_map(|t| joints(lenses, &cameras, t));
+    let solid = world::solidity(&joints.collect::<Vec<_>>());
+    let views = placed(lenses, &cameras);
+    let worth = agreement(&views, &tracks) * solid * alike(&views, &tracks);
+    Ok((worth, cameras))
 }
 
 /// Frames in which two views or more saw somebody.

@@ -25,6 +25,9 @@ const MOST_STARTS: usize = 8;
 /// Answers that differ by less become one where cameras are moved to agree about everyone: radians, and distances as a
 /// share of those of all cameras from the first one.
 const ONE_ANSWER: f64 = 2e-3;
+/// A start whose two cameras stand so nearly as an answer has them leads there again: radians. Before the other views
+/// are placed, starts that lead to one answer are up to a few hundredths apart; another answer is about a radian away.
+pub(super) const ON_THE_WAY: f64 = 0.1;
 /// Share of a figure's joints that agree where two figures are one person.
 const SAME: f64 = 0.6;
 /// Share of all joints that agree where two views surely saw the same people.
@@ -40,6 +43,16 @@ pub fn assemble(
     lenses: &[View],
     frames: &[Vec<Detections>],
     rate: f64,
+) -> Result<Vec<Vec<Pose>>, CalibrateError> {
+    answers(lenses, frames, rate, ON_THE_WAY)
+}
+
+/// As [`assemble`]; `on_the_way` is how near to an answer, radians, a start is given up for it; by 0 none is.
+pub(super) fn answers(
+    lenses: &[View],
+    frames: &[Vec<Detections>],
+    rate: f64,
+    on_the_way: f64,
 ) -> Result<Vec<Vec<Pose>>, CalibrateError> {
     let mut heights: Vec<f64> = frames
         .iter()
@@ -71,11 +84,14 @@ pub fn assemble(
                 order: vec![start.a, start.b],
                 poses: vec![Pose::ORIGIN, pose],
             };
-            placed.all(&pairs, sigma, &mut random)
+            let is_known =
+                |placed: &Placed<'_>| answers.iter().any(|a| placed.leads_to(a, on_the_way));
+            placed.all(&pairs, sigma, is_known, &mut random)
         });
         match placed {
-            Ok(poses) if answers.iter().any(|other| is_same(&poses, other)) => {}
-            Ok(poses) => answers.push(poses),
+            Ok(None) => {}
+            Ok(Some(poses)) if answers.iter().any(|a| are_alike(&poses, a, ONE_ANSWER)) => {}
+            Ok(Some(poses)) => answers.push(poses),
             Err(e) => failure = e,
         }
     }
@@ -85,8 +101,9 @@ pub fn assemble(
     Ok(answers)
 }
 
-/// Whether two answers place cameras alike, wherever either begins and however large its room is.
-fn is_same(a: &[Pose], b: &[Pose]) -> bool {
+/// Whether two lists place their cameras alike, wherever either begins and however large its room is: within `most`,
+/// radians, and of distances as a share of those of all cameras from the first one.
+pub(super) fn are_alike(a: &[Pose], b: &[Pose], most: f64) -> bool {
     let beside = |all: &[Pose], k: usize| {
         let (first, pose) = (&all[0], &all[k]);
         let size: f64 = all
@@ -100,7 +117,7 @@ fn is_same(a: &[Pose], b: &[Pose]) -> bool {
     };
     (1..a.len()).all(|k| {
         let (p, q) = (beside(a, k), beside(b, k));
-        angle(&p.rotation, &q.rotation) < ONE_ANSWER && p.position.distance(q.position) < ONE_ANSWER
+        angle(&p.rotation, &q.rotation) < most && p.position.distance(q.position) < most
     })
 }
 
@@ -252,17 +269,22 @@ struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// Places one view after the other, the one of which most agrees first.
+    /// Places one view after the other, the one of which most agrees first. `None` where the two that are placed lead
+    /// where another start has led: placing and settling all the others takes most of the time.
     fn all(
         mut self,
         pairs: &[TwoViews],
         sigma: f64,
+        is_known: impl Fn(&Self) -> bool,
         random: &mut SmallRng,
-    ) -> Result<Vec<Pose>, CalibrateError> {
+    ) -> Result<Option<Vec<Pose>>, CalibrateError> {
+        let mut tracks = self.settle()?;
+        if is_known(&self) {
+            return Ok(None);
+        }
         loop {
-            let tracks = self.settle()?;
             if self.order.len() == self.lenses.len() {
-                return Ok(self.in_order());
+                return Ok(Some(self.in_order()));
             }
             let next = (0..self.lenses.len()).filter(|v| !self.order.contains(v));
             let best = next.filter_map(|v| {
@@ -278,7 +300,14 @@ impl Placed<'_> {
             };
             self.order.push(v);
             self.poses.push(pose);
+            tracks = self.settle()?;
         }
+    }
+
+    /// Whether the cameras so far stand to each other as in an answer, within `most` radians.
+    fn leads_to(&self, answer: &[Pose], most: f64) -> bool {
+        let there: Vec<Pose> = self.order.iter().map(|v| answer[*v]).collect();
+        are_alike(&self.poses, &there, most)
     }
 
     /// Moves the placed cameras to agree about everyone, and tells who is there.
@@ -352,15 +381,40 @@ mod tests {
             rotation: pose.rotation * axes.transpose(),
             position: 1.3 * (axes * pose.position) + DVec3::new(4.0, -1.0, 2.0),
         });
-        assert!(is_same(&answer, &elsewhere));
+        assert!(are_alike(&answer, &elsewhere, ONE_ANSWER));
         for k in 0..answer.len() {
             let (mut turned, mut moved) = (elsewhere, elsewhere);
             turned[k].rotation = DMat3::from_rotation_y(0.01) * turned[k].rotation;
             moved[k].position.y += 0.1;
             for other in [turned, moved] {
-                assert!(!is_same(&answer, &other), "{k}");
+                assert!(!are_alike(&answer, &other, ONE_ANSWER), "{k}");
             }
         }
+    }
+
+    #[test]
+    fn a_pair_that_stands_as_in_an_answer_leads_to_it() {
+        let at = |turn: f64, x: f64, z: f64| Pose {
+            rotation: DMat3::from_rotation_y(turn),
+            position: DVec3::new(x, 0.0, z),
+        };
+        let answer = [at(0.3, 1.0, 0.0), at(1.0, 3.0, 1.0), at(2.0, -2.0, 4.0)];
+        let leads = |turn: f64, order: [usize; 2]| {
+            let mut second = answer[2];
+            second.rotation = DMat3::from_rotation_z(turn) * second.rotation;
+            let start = Placed {
+                lenses: &[],
+                frames: &[],
+                rate: 10.0,
+                order: order.to_vec(),
+                poses: vec![answer[0], second],
+            };
+            start.leads_to(&answer, ON_THE_WAY)
+        };
+        // As far off as a start that has not seen the other views yet, and as another answer's.
+        assert!(leads(0.0, [0, 2]) && leads(-0.05, [0, 2]));
+        assert!(!leads(0.2, [0, 2]));
+        assert!(!leads(0.0, [0, 1]), "another pair of the same answer");
     }
 
     /// Of two people's four pairs a frame every kind is drawn, however many frames there are.

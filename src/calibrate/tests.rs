@@ -442,6 +442,42 @@ fn nobody_has_to_walk_about_where_views_lift_people() {
     assert!(degrees < 3.0 && metres < 0.2, "{degrees}° {metres} m");
 }
 
+/// From far away a room goes together in two ways, one of them worse: both are found, whether or not starts are given
+/// up that are on the way to where another one has led.
+#[test]
+fn a_start_that_is_given_up_would_have_led_to_no_other_answer() {
+    let target = DVec3::new(0.3, 0.2, 0.9);
+    let away = |view: &View, far: f64| {
+        let at = target + far * (view.position - target);
+        let lens = looking(&view.name, at, target);
+        View {
+            focal: far * lens.focal,
+            distortion: Brown::default(),
+            ..lens
+        }
+    };
+    for (views, far, jitter, answers) in [(4, 1.0, 8.0, 1), (2, 2.0, 8.0, 2), (3, 8.0, 8.0, 2)] {
+        let views: Vec<View> = room()[..views].iter().map(|v| away(v, far)).collect();
+        let noise = Noise { jitter, ..EXACT };
+        let frames = film(&views, &[1.7], &noise);
+        let lenses = lenses(&views);
+        let settled = |on_the_way: f64| {
+            let found = rig::answers(&lenses, &frames, 10.0, on_the_way).unwrap();
+            let each = found.into_iter().map(|c| settle(&lenses, c, &frames, 10.0));
+            let mut all: Vec<(f64, Vec<Pose>)> = each.map(Result::unwrap).collect();
+            all.sort_by(|a, b| b.0.total_cmp(&a.0));
+            all
+        };
+        let (all, few) = (settled(0.0), settled(rig::ON_THE_WAY));
+        let counts = [all.len(), few.len()];
+        assert_eq!(counts, [answers; 2], "{} views, {far}", views.len());
+        for ((most, one), (worth, other)) in all.iter().zip(&few) {
+            assert!((worth / most - 1.0).abs() < 1e-6, "{worth}, not {most}");
+            assert!(rig::are_alike(one, other, 1e-3), "{one:?}, not {other:?}");
+        }
+    }
+}
+
 #[test]
 fn bodies_that_stretch_are_not_solid() {
     let rest = |stretch: f64| -> world::Joints {

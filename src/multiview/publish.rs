@@ -8,7 +8,7 @@ use super::person::PersonFit;
 use super::points;
 use crate::body::BodyModel;
 use crate::body::skeleton::{
-    BoneLengths, Pose, Posed, Skeleton, bone_rotations, rotation_vector_near,
+    BoneLengths, Dof, Pose, Posed, Skeleton, bone_rotations, rotation_vector_near,
 };
 use crate::fit::{PoseEnergy, Posture, Problem, SEEN_THROUGH, first_pose};
 use crate::joints::{BODY_JOINTS, PARENTS, PELVIS};
@@ -163,10 +163,10 @@ pub fn bodies(person: &PersonFit, stature: f64, rate: f64) -> Vec<(usize, Body)>
             position: targets[PELVIS].as_vec3().to_array(),
             orientation: state.pose.rotation.normalize().as_quat().to_array(),
             velocity: velocity.as_vec3().to_array(),
-            angles: std::array::from_fn(|d| match d {
-                0..3 => targets[PELVIS][d] as f32,
-                3..6 => turn[d - 3] as f32,
-                _ => state.pose.angles[d - 6] as f32,
+            angles: std::array::from_fn(|d| match Dof::of(d) {
+                Dof::Position(axis) => targets[PELVIS][axis] as f32,
+                Dof::Rotation(axis) => turn[axis] as f32,
+                Dof::Angle(k) => state.pose.angles[k] as f32,
             }),
             joints3d: targets.map(|p| p.as_vec3().to_array()),
             score: confidence.iter().sum::<f32>() / BODY_JOINTS as f32,
@@ -230,7 +230,7 @@ mod tests {
             let pose = Pose {
                 position: DVec3::from(body.position.map(f64::from)),
                 rotation: glam::Quat::from_array(body.orientation).as_dquat(),
-                angles: std::array::from_fn(|d| f64::from(body.angles[6 + d])),
+                angles: std::array::from_fn(|d| f64::from(body.angles[Dof::Angle(d).number()])),
             };
             let mut posed = Posed::default();
             skeleton.pose(&pose, &body.bone_lengths.map(f64::from), &mut posed);

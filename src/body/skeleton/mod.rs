@@ -1,11 +1,13 @@
 //! In: `models/skeleton.toml` and a [`Pose`]. Out: joint positions and the axes of every degree of freedom, from which
 //! the exact derivative of any joint follows. docs/body.md, The skeleton.
 
+mod dof;
 mod girdle;
 mod humanoid;
 mod limb;
 mod pose;
 
+pub use dof::Dof;
 pub use humanoid::{RIG_BONES, RIG_NAMES, TPose, bone_rotations, rig_rotations};
 pub use limb::{LIMBS, Limb};
 pub use pose::{Pose, Posed, rotation_vector, rotation_vector_near};
@@ -21,7 +23,7 @@ use crate::joints::{
     BODY_JOINTS, DOF, HEAD_TOP, JOINT_NAMES, L_FOOT_TIP, PARENTS, PELVIS, R_FOOT_TIP, ROOT_FIRST,
 };
 
-/// Joint angles: all degrees of freedom but the six of the root.
+/// Joint angles: all degrees of freedom but the six of the root; [`Dof`] says which are which.
 pub const ANGLES: usize = DOF - 6;
 /// Length in metres of the bone that ends in each joint, of a person of canonical stature; 0 for the pelvis.
 pub type BoneLengths = [f64; BODY_JOINTS];
@@ -225,7 +227,11 @@ impl Skeleton {
         }
         let together: Vec<Vec<usize>> = chains
             .iter()
-            .map(|chain| (0..6).chain(chain.iter().map(|k| 6 + k)).collect())
+            .map(|chain| {
+                Dof::ROOT
+                    .chain(chain.iter().map(|k| Dof::Angle(*k).number()))
+                    .collect()
+            })
             .collect();
         let elimination = Elimination::from_the_last(DOF, together.iter().map(Vec::as_slice));
         Ok(Self {
@@ -338,13 +344,13 @@ impl BodyModel for Skeleton {
         let at = posed.joints[joint];
         let arm = at - posed.joints[PELVIS];
         for (a, axis) in DVec3::AXES.into_iter().enumerate() {
-            column(a, axis);
+            column(Dof::Position(a).number(), axis);
         }
         for (a, axis) in DVec3::AXES.into_iter().enumerate() {
-            column(3 + a, axis.cross(arm));
+            column(Dof::Rotation(a).number(), axis.cross(arm));
         }
         for &k in &self.chains[joint] {
-            column(6 + k, posed.derivative(k, at));
+            column(Dof::Angle(k).number(), posed.derivative(k, at));
         }
     }
 
@@ -461,10 +467,10 @@ mod tests {
                 for j in 0..BODY_JOINTS {
                     let numeric = (plus.joints[j] - minus.joints[j]) / (2.0 * h);
                     let unit = DVec3::AXES[d % 3];
-                    let analytic = match d {
-                        0..3 => unit,
-                        3..6 => unit.cross(at.joints[j] - pose.position),
-                        _ if s.chain(j).contains(&(d - 6)) => at.derivative(d - 6, at.joints[j]),
+                    let analytic = match Dof::of(d) {
+                        Dof::Position(_) => unit,
+                        Dof::Rotation(_) => unit.cross(at.joints[j] - pose.position),
+                        Dof::Angle(k) if s.chain(j).contains(&k) => at.derivative(k, at.joints[j]),
                         _ => DVec3::ZERO,
                     };
                     assert!((numeric - analytic).length() < 1e-7, "dof {d} joint {j}");

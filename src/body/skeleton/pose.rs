@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
 
-use super::ANGLES;
+use super::{ANGLES, Dof};
 use crate::joints::{BODY_JOINTS, DOF};
 
 /// The parameters of a fitted person: 3 + 3 + 23 degrees of freedom.
@@ -28,15 +28,16 @@ impl Pose {
         }
     }
 
-    /// This pose moved by a step: translation in metres, rotation vector in camera axes, angles.
+    /// This pose moved by a step, whose numbers are those of [`Dof`].
     pub fn moved(&self, step: &[f64; DOF]) -> Self {
         let mut angles = self.angles;
-        for (angle, d) in angles.iter_mut().zip(&step[6..]) {
+        for (angle, d) in angles.iter_mut().zip(&step[Dof::ANGLES]) {
             *angle += d;
         }
         Self {
-            position: self.position + DVec3::from_slice(&step[..3]),
-            rotation: (DQuat::from_scaled_axis(DVec3::from_slice(&step[3..6])) * self.rotation)
+            position: self.position + DVec3::from_slice(&step[Dof::POSITION]),
+            rotation: (DQuat::from_scaled_axis(DVec3::from_slice(&step[Dof::ROTATION]))
+                * self.rotation)
                 .normalize(),
             angles,
         }
@@ -45,9 +46,10 @@ impl Pose {
     /// The step that leads from `from` to this pose; the inverse of [`moved`](Self::moved).
     pub fn step_from(&self, from: &Pose) -> [f64; DOF] {
         let mut step = [0.0; DOF];
-        (self.position - from.position).write_to_slice(&mut step[..3]);
-        rotation_vector(self.rotation * from.rotation.conjugate()).write_to_slice(&mut step[3..6]);
-        for (d, (to, from)) in step[6..]
+        (self.position - from.position).write_to_slice(&mut step[Dof::POSITION]);
+        rotation_vector(self.rotation * from.rotation.conjugate())
+            .write_to_slice(&mut step[Dof::ROTATION]);
+        for (d, (to, from)) in step[Dof::ANGLES]
             .iter_mut()
             .zip(self.angles.iter().zip(&from.angles))
         {

@@ -1,6 +1,7 @@
 //! The energy of a pose: what was seen, what motion predicts, where feet stand. XNect §5.2.
 
 mod contact;
+mod feet;
 mod in_space;
 mod motion;
 mod motion_prior;
@@ -8,10 +9,9 @@ mod pose_solver;
 mod quadratic;
 pub mod reprojection;
 mod robust;
-mod standing;
 mod targets;
 
-pub use contact::Feet;
+pub use feet::Feet;
 pub use in_space::InSpace;
 pub use motion::{Motion, MotionModel};
 pub use motion_prior::MotionPrior;

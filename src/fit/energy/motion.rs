@@ -2,7 +2,7 @@
 //! to trust it. One constant-velocity Kalman filter per degree of freedom; its prediction is the temporal term of the
 //! energy.
 
-use crate::body::skeleton::{Pose, Skeleton};
+use crate::body::skeleton::{Dof, Pose, Skeleton};
 use crate::fit::config::{PredictionConfig, TermsConfig};
 use crate::joints::DOF;
 
@@ -27,13 +27,13 @@ fn correlated(since: f64) -> f64 {
 }
 
 /// Typical acceleration of each degree of freedom, m/s² or rad/s².
-fn acceleration(dof: usize, skeleton: &Skeleton) -> f64 {
+fn acceleration(dof: Dof, skeleton: &Skeleton) -> f64 {
     match dof {
-        0 | 1 => 2.5,
-        2 => 2.0,
-        3..6 => 8.0,
-        _ => {
-            let name = skeleton.angles()[dof - 6].name.as_str();
+        Dof::Position(0 | 1) => 2.5,
+        Dof::Position(_) => 2.0,
+        Dof::Rotation(_) => 8.0,
+        Dof::Angle(k) => {
+            let name = skeleton.angles()[k].name.as_str();
             let part = name.trim_start_matches("r_").trim_start_matches("l_");
             match part.split('_').next().unwrap_or(part) {
                 "spine" => 5.0,
@@ -58,7 +58,7 @@ struct Covariance {
 /// Velocities of one person and how certain pose and velocity are.
 #[derive(Debug, Clone)]
 pub struct Motion {
-    /// Velocity of every degree of freedom per second: metres, rotation vector in camera axes, angles.
+    /// Velocity of every degree of freedom, in the order of [`Dof`]: its unit a second.
     pub velocity: [f64; DOF],
     covariance: [Covariance; DOF],
     /// Seconds since a pose was taken in.
@@ -91,13 +91,12 @@ impl MotionModel {
     /// From the energy's weights and the fading of unseen motion.
     pub fn new(skeleton: &Skeleton, terms: &TermsConfig, prediction: &PredictionConfig) -> Self {
         Self {
-            density: std::array::from_fn(|d| acceleration(d, skeleton).powi(2) * ACCELERATION_TIME),
-            fade: std::array::from_fn(|d| {
-                if d < 3 {
-                    prediction.root_fade
-                } else {
-                    prediction.joint_fade
-                }
+            density: std::array::from_fn(|d| {
+                acceleration(Dof::of(d), skeleton).powi(2) * ACCELERATION_TIME
+            }),
+            fade: std::array::from_fn(|d| match Dof::of(d) {
+                Dof::Position(_) => prediction.root_fade,
+                Dof::Rotation(_) | Dof::Angle(_) => prediction.joint_fade,
             }),
             temporal: terms.temporal,
         }
@@ -168,7 +167,8 @@ impl Motion {
     }
 
     /// Forgets the motion of one degree of freedom, e.g. after its angle jumped to an equivalent one.
-    pub fn restart(&mut self, dof: usize) {
+    pub fn restart(&mut self, dof: Dof) {
+        let dof = dof.number();
         self.velocity[dof] = 0.0;
         self.covariance[dof] = Covariance {
             place: INITIAL[0] * INITIAL[0],

@@ -2,14 +2,12 @@
 //! §5.2, and what holds that which nothing else determines.
 
 use crate::body::BodyModel;
-use crate::body::skeleton::{Pose, Skeleton};
+use crate::body::skeleton::{Dof, Pose, Skeleton};
 use crate::joints::DOF;
 use crate::solve::NormalEquations;
 
 /// Standard deviation of an angle about rest, radians: only decides what nothing else does.
 const REST_SIGMA: f64 = 1.5;
-/// Degrees of freedom of the root, which come before the angles.
-const ROOT: usize = 6;
 
 /// What is known of a pose without looking.
 #[derive(Debug, Clone)]
@@ -35,7 +33,7 @@ impl MotionPrior {
     /// Takes this value of angle number `k` for the start, and says no more of what motion predicts of it.
     pub fn free(&mut self, k: usize, angle: f64) {
         self.predicted.angles[k] = angle;
-        self.weights[ROOT + k] = 0.0;
+        self.weights[Dof::Angle(k).number()] = 0.0;
     }
 
     /// Adds a pose's energy to `cost`, term by term.
@@ -55,9 +53,9 @@ impl MotionPrior {
         let step = pose.step_from(&self.predicted);
         for d in 0..DOF {
             let (mut weight, mut pull) = (self.weights[d], self.weights[d] * step[d]);
-            if d >= ROOT {
+            if let Dof::Angle(k) = Dof::of(d) {
                 weight += self.rest;
-                pull += self.rest * pose.angles[d - ROOT];
+                pull += self.rest * pose.angles[k];
             }
             out.add(rows[d], rows[d], weight);
             out.pull(rows[d], pull);

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::reprojection::rows;
 use crate::body::BodyModel;
-use crate::body::skeleton::{Posed, Skeleton};
+use crate::body::skeleton::{Dof, Posed, Skeleton};
 use crate::joints::DOF;
 use crate::solve::NormalEquations;
 
@@ -105,7 +105,8 @@ pub fn constrain(
         n += 1;
     });
     // What is relative to the pelvis does not move with it.
-    let (columns, slots) = (&columns[3..n], &slots[3..n]);
+    let turns = Dof::POSITION.end;
+    let (columns, slots) = (&columns[turns..n], &slots[turns..n]);
     let both = space.plus(relative);
     for (i, column) in columns.iter().enumerate() {
         let pulled = both.apply(*column);

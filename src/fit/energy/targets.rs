@@ -11,13 +11,13 @@
 
 use glam::DVec2;
 
+use super::contact::Contact;
 use super::in_space::InSpace;
 use super::motion_prior::MotionPrior;
 use super::pose_solver::PoseEnergy;
 use super::quadratic::{Quadratic, constrain};
 use super::reprojection::{MIN_DEPTH, residual};
 use super::robust::{robust_cost, robust_weight};
-use super::standing::Contact;
 use crate::body::skeleton::{Pose, Posed, Skeleton};
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::solve::NormalEquations;

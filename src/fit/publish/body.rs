@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::confidence;
 use super::header::pixel;
 use crate::body::skeleton::bone_rotations;
-use crate::body::skeleton::{Pose, Skeleton, rotation_vector_near};
+use crate::body::skeleton::{Dof, Pose, Skeleton, rotation_vector_near};
 use crate::fit::config::FitConfig;
 use crate::fit::energy::MotionModel;
 use crate::fit::track::Track;
@@ -38,7 +38,7 @@ pub fn write_body(
     body.state = state;
     body.position = (pose.position * scale).as_vec3().to_array();
     body.orientation = pose.rotation.normalize().as_quat().to_array();
-    let velocity = DVec3::from_slice(&track.motion.velocity[..3]) * scale;
+    let velocity = DVec3::from_slice(&track.motion.velocity[Dof::POSITION]) * scale;
     body.velocity = velocity.as_vec3().to_array();
     body.angles = flat_angles(&pose, scale, track.turn);
     let mut sum = 0.0;
@@ -64,14 +64,14 @@ pub fn write_body(
     body.bone_rotations = bone_rotations(&posed).map(|q| q.as_quat().to_array());
 }
 
-/// A pose as the message has it: translation and rotation vector of the root, of these the one nearer to `turn`, then
-/// the joint angles; metres by `scale`.
+/// A pose as the message has it, in the order of [`Dof`]: of the root's rotation vectors the one nearer to `turn`;
+/// metres by `scale`.
 pub fn flat_angles(pose: &Pose, scale: f64, turn: DVec3) -> [f32; DOF] {
     let turn = rotation_vector_near(pose.rotation, turn);
     let place = pose.position * scale;
-    std::array::from_fn(|d| match d {
-        0..3 => place[d] as f32,
-        3..6 => turn[d - 3] as f32,
-        _ => pose.angles[d - 6] as f32,
+    std::array::from_fn(|d| match Dof::of(d) {
+        Dof::Position(axis) => place[axis] as f32,
+        Dof::Rotation(axis) => turn[axis] as f32,
+        Dof::Angle(k) => pose.angles[k] as f32,
     })
 }

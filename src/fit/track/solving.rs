@@ -1,7 +1,7 @@
 //! In: what a pose is fitted to. Out: the pose, from nothing, or with limbs freed that are stuck in a wrong one.
 
 use super::{Context, Track, best_branch};
-use crate::body::skeleton::{BoneLengths, LIMBS, Pose};
+use crate::body::skeleton::{BoneLengths, Dof, LIMBS, Pose};
 use crate::fit::energy::{Problem, Solution, Targets};
 use crate::joints::EVIDENCE_JOINTS;
 use crate::solve::Effort;
@@ -59,7 +59,7 @@ impl Track {
             if found.cost < solution.cost - 0.4 * strain {
                 for k in limb.angles(cx.skeleton) {
                     trial.prior.predicted.angles[k] = found.pose.angles[k];
-                    self.motion.restart(6 + k);
+                    self.motion.restart(Dof::Angle(k));
                 }
                 *targets = trial;
                 *solution = found;

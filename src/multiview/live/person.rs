@@ -7,7 +7,7 @@ use super::energy::{Targets, ViewTarget};
 use super::looks::Looks;
 use super::met::{agree, mean_distance, meet, relative};
 use super::seen::Seen;
-use crate::body::skeleton::{LIMBS, Pose, Posed, Skeleton};
+use crate::body::skeleton::{Dof, LIMBS, Pose, Posed, Skeleton};
 use crate::camera::View;
 use crate::fit::{
     FitConfig, InSpace, Motion, MotionModel, MotionPrior, PoseSolver, Problem, SEEN_THROUGH,
@@ -341,7 +341,7 @@ impl Person {
             if nearer && other.pose.is_finite() {
                 for k in limb.angles(skeleton) {
                     trial.prior.predicted.angles[k] = other.pose.angles[k];
-                    self.motion.restart(6 + k);
+                    self.motion.restart(Dof::Angle(k));
                 }
                 (*targets, *found) = (trial, other);
             }

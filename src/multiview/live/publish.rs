@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::confidence::confidence;
 use super::person::Person;
-use crate::body::skeleton::bone_rotations;
+use crate::body::skeleton::{Dof, bone_rotations};
 use crate::fit::{MotionModel, flat_angles};
 use crate::joints::{BODY_JOINTS, PARENTS};
 use crate::message::{Body, BodyState, JointState};
@@ -26,7 +26,7 @@ pub fn write_body(person: &Person, ahead: f64, model: &MotionModel, body: &mut B
         },
         position: pose.position.as_vec3().to_array(),
         orientation: pose.rotation.normalize().as_quat().to_array(),
-        velocity: DVec3::from_slice(&person.motion.velocity[..3])
+        velocity: DVec3::from_slice(&person.motion.velocity[Dof::POSITION])
             .as_vec3()
             .to_array(),
         angles: flat_angles(&pose, 1.0, person.turn),

@@ -1,315 +1,29 @@
-//! `edgecap fit --cameras`: what several `infer` processes publish becomes one body a person, in the calibration's
-//! axes.
+//! Which cameras send, which of these go with the calibration, and what is said of the others.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
-use edgecap_client::{LinkError, Priority, Subscriber};
+use edgecap_client::message::{FLAG_END_OF_STREAM, FLAG_FILE_TIME, ObservationFrame};
 
-use super::numbers::Succession;
-use super::pace::{Fresh, Pace};
-use super::{FitTask, STEP};
-use crate::camera::{Sleep, View, monotonic_ns};
+use super::camera::{AWAITED, Camera};
+use crate::camera::View;
 use crate::commands::exit::{Failure, told};
-use crate::commands::health::HealthStream;
-use crate::commands::outputs::finish;
-use crate::commands::stop::Stop;
 use crate::commands::views::pictured;
-use crate::metrics::About;
-use crate::multiview::live::{LeftOut, LiveFit, Synchroniser};
-use crate::multiview::to_view;
-use crate::sink::{Packet, Rhythm, Sinks, Streams};
-use crate::supervise::{Beat, Heartbeat, has_worked_before, restarts};
-
-/// Observations that may wait while one instant is fitted.
-const WAITING: usize = 64;
-/// How soon it is looked again whether a camera that is waited for has dropped out.
-const LOOK_AGAIN: Duration = Duration::from_millis(10);
-/// Silence of a camera that is said, where its frames do not come more slowly.
-const SAID_AFTER: Duration = Duration::from_secs(1);
-/// A camera that has not come at all, or comes and cannot be combined with the others, is spoken of after this.
-const AWAITED: Duration = Duration::from_secs(5);
-
-/// Fits until the user stops it or all cameras have ended. One that is not there is waited for.
-///
-/// # Errors
-/// Shared memory, pictures of sizes that the calibration is not for, a thread that cannot be had, and outputs; what was
-/// fitted before is complete.
-pub fn live(
-    fit: LiveFit,
-    names: &[String],
-    task: &FitTask,
-    mut sinks: Sinks<BodyFrame>,
-    stop: &Stop,
-    heart: &Heartbeat,
-) -> anyhow::Result<()> {
-    let over = AtomicBool::new(false);
-    let (mut frames, mut succession) = (0, Succession::after(task.before));
-    let mut health = health_of(names, task)?;
-    let outcome = std::thread::scope(|threads| {
-        let _ends = Ends(&over);
-        let (to, news) = sync_channel(WAITING);
-        for (camera, name) in names.iter().enumerate() {
-            let (to, over) = (to.clone(), &over);
-            let work = move || {
-                if let Err(e) = read(camera, name, &to, over) {
-                    let _ = to.send(Err(e));
-                }
-            };
-            std::thread::Builder::new()
-                .spawn_scoped(threads, work)
-                .map_err(|e| Failure::no_thread("for each camera", &e))?;
-        }
-        drop(to);
-        let mut publish = |out: Option<&mut BodyFrame>, come: usize| -> anyhow::Result<()> {
-            let Some(out) = out else {
-                health.look(|health, now| {
-                    health.come(come);
-                    health.waits(now);
-                })?;
-                return Ok(());
-            };
-            frames += 1;
-            succession.go_on(out);
-            out.publish_ns = monotonic_ns();
-            sinks.take(&Packet {
-                message: out,
-                source: "",
-                picture: None,
-            })?;
-            heart.beat(Beat::Step);
-            health.look(|health, now| {
-                health.come(come);
-                health.observed(now, &(&*out).into(), false);
-            })?;
-            Ok(())
-        };
-        fit_all(
-            fit,
-            names,
-            Pace::new(task.rate),
-            &news,
-            stop,
-            heart,
-            &mut publish,
-        )
-    });
-    health.end();
-    let ended = finish(sinks, frames, outcome).1;
-    health.finish();
-    ended
-}
-
-/// What is said of a room whose bodies have this task's name; nothing where a camera says it of itself under that.
-fn health_of(names: &[String], task: &FitTask) -> Result<HealthStream, LinkError> {
-    let about = About {
-        is_sequence: false,
-        restarts: restarts(),
-        cameras: names.len() as u32,
-        ..About::default()
-    };
-    let streams = Streams::of_camera(task.name());
-    let is_free = names.iter().all(|name| name != task.name());
-    HealthStream::open(about, is_free.then_some(&streams))
-}
-
-/// Ends the readers, however the fit ends.
-struct Ends<'a>(&'a AtomicBool);
-
-impl Drop for Ends<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-}
-
-/// An observation with its camera, or why there are none any more.
-type News = Result<(usize, Box<ObservationFrame>), LinkError>;
-
-/// Hands on what one camera publishes.
-fn read(
-    camera: usize,
-    name: &str,
-    to: &SyncSender<News>,
-    over: &AtomicBool,
-) -> Result<(), LinkError> {
-    let observations = Subscriber::<ObservationFrame>::open_with(name, Priority::Reserved)?;
-    let mut fresh = Fresh::of(name);
-    while !over.load(Ordering::Relaxed) {
-        if let Some(frame) = observations.next(STEP)? {
-            let ended = frame.flags & FLAG_END_OF_STREAM != 0;
-            if (ended || fresh.is_news(&frame)) && to.send(Ok((camera, Box::new(*frame)))).is_err()
-            {
-                break;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Fits until all cameras have ended or the user stops it. `publish` gets bodies as they come, or nothing where there
-/// are none yet, and how many cameras send.
-fn fit_all(
-    mut fit: LiveFit,
-    names: &[String],
-    mut pace: Pace,
-    news: &Receiver<News>,
-    stop: &Stop,
-    heart: &Heartbeat,
-    publish: &mut dyn FnMut(Option<&mut BodyFrame>, usize) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
-    let mut cameras = Cameras {
-        are_awaited: heart.is_supervised(),
-        have_fitted: has_worked_before(),
-        ..Cameras::new(names)
-    };
-    let mut together = Synchroniser::new(names.len());
-    let mut out = Box::new(BodyFrame::default());
-    let mut fit_us = 0;
-    let mut sleep = Sleep::default();
-    heart.beat(Beat::Idle);
-    while !stop.requested() {
-        let longest = if together.is_waiting() {
-            LOOK_AGAIN
-        } else {
-            STEP
-        };
-        let mut next = match news.recv_timeout(pace.patience(longest, Instant::now())) {
-            Ok(next) => Some(next),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => break,
-        };
-        let now = monotonic_ns();
-        while let Some(came) = next {
-            let (camera, mut frame) = came?;
-            let view = &fit.views()[camera];
-            next = news.try_recv().ok();
-            if !cameras.check(camera, view, &frame, Instant::now())? {
-                continue;
-            }
-            // Who publishes observations need not know the calibrated lens.
-            let (lens, count) = (frame.intrinsics, frame.people().len());
-            to_view(view, &lens, &mut frame.people[..count]);
-            together.push(camera, &frame, now);
-        }
-        cameras.say(&together, now);
-        let come = cameras.come(Instant::now());
-        let mut is_idle = true;
-        while let Some(set) = together.next(now) {
-            let slept = sleep.seconds();
-            if !set.file_time {
-                fit.slept(slept);
-            }
-            let start = Instant::now();
-            fit.update(&set, &mut out);
-            fit_us = start.elapsed().as_micros() as u32;
-            out.fit_us = fit_us;
-            if pace.fitted(&out, Instant::now()) {
-                publish(Some(&mut out), come)?;
-            }
-            is_idle = false;
-        }
-        if pace.is_due(Instant::now()) {
-            fit.predict(monotonic_ns(), &mut out);
-            out.fit_us = fit_us;
-            publish(Some(&mut out), come)?;
-            is_idle = false;
-        }
-        if is_idle {
-            publish(None, come)?;
-            let beat = match cameras.are_of_no_use(Instant::now()) {
-                true => Beat::Away,
-                false => Beat::Idle,
-            };
-            heart.beat(beat);
-        }
-        if together.has_ended() {
-            break;
-        }
-    }
-    Ok(())
-}
-
-/// What to say of a frame whose size is not the calibration's: a camera may be asked for that.
-fn advised(error: anyhow::Error, view: &View, frame: &ObservationFrame) -> anyhow::Error {
-    let is_turned = view.for_pictures([frame.height, frame.width]).is_some();
-    if is_turned || frame.flags & FLAG_FILE_TIME != 0 {
-        return error;
-    }
-    let told = told(&error);
-    Failure::data(format!(
-        "{told}; --capture-size asks the camera for the calibration's, where it has that"
-    ))
-    .into()
-}
+use crate::multiview::live::{LeftOut, Synchroniser};
 
 /// What is known of every camera besides what it sees.
-struct Cameras<'a> {
+pub struct Cameras<'a> {
     began: Instant,
     names: &'a [String],
     each: Vec<Camera>,
     /// Somebody starts what they come from, and any that has not come yet may.
-    are_awaited: bool,
+    pub are_awaited: bool,
     /// One has fitted the calibration, if not in this process.
-    have_fitted: bool,
-}
-
-#[derive(Clone, Default)]
-struct Camera {
-    rhythm: Rhythm,
-    ended: bool,
-    size: Option<[u32; 2]>,
-    is_file: bool,
-    /// It was said that it is missing.
-    said: bool,
-    /// Since when its pictures are of another shape or size than the calibration's.
-    other: Option<Instant>,
-    /// That was said.
-    is_other: bool,
-    apart: Apart,
-}
-
-/// Since when a camera's frames come and are in no instant, and whether that was said.
-#[derive(Clone, Copy, Default)]
-struct Apart {
-    since: Option<Instant>,
-    said: bool,
-}
-
-impl Apart {
-    /// What is to be said now, if anything.
-    fn look(&mut self, why: Option<LeftOut>, now: Instant) -> Option<LeftOut> {
-        let Some(why) = why else {
-            *self = Self::default();
-            return None;
-        };
-        let since = *self.since.get_or_insert(now);
-        if self.said || now.saturating_duration_since(since) < AWAITED {
-            return None;
-        }
-        self.said = true;
-        Some(why)
-    }
-}
-
-impl Camera {
-    /// Whether more time has passed without a frame than usually does; of one that has not come at all, since `began`.
-    fn is_silent(&self, began: Instant, now: Instant) -> bool {
-        let is_awaited = || now.saturating_duration_since(began) > AWAITED;
-        let is_silent = self.rhythm.is_silent(SAID_AFTER, now);
-        is_silent.unwrap_or_else(is_awaited)
-    }
-
-    /// Whether it comes, and goes with the calibration.
-    fn counts(&self, began: Instant, now: Instant) -> bool {
-        let comes = !self.ended && !self.is_silent(began, now);
-        comes && self.size.is_some() && self.other.is_none()
-    }
+    pub have_fitted: bool,
 }
 
 impl<'a> Cameras<'a> {
-    fn new(names: &'a [String]) -> Self {
+    /// None of which has sent anything.
+    pub fn new(names: &'a [String]) -> Self {
         Self {
             began: Instant::now(),
             names,
@@ -324,7 +38,7 @@ impl<'a> Cameras<'a> {
     ///
     /// # Errors
     /// Where it does not go with the calibration, or not with the other cameras.
-    fn check(
+    pub fn check(
         &mut self,
         camera: usize,
         view: &View,
@@ -395,13 +109,13 @@ impl<'a> Cameras<'a> {
     }
 
     /// How many come `now` and go with the calibration.
-    fn come(&self, now: Instant) -> usize {
+    pub fn come(&self, now: Instant) -> usize {
         let come = self.each.iter().filter(|c| c.counts(self.began, now));
         come.count()
     }
 
     /// Whether some camera is left out, and none comes `now` that goes with the calibration.
-    fn are_of_no_use(&self, now: Instant) -> bool {
+    pub fn are_of_no_use(&self, now: Instant) -> bool {
         let mut going_on = self.each.iter().filter(|c| !c.ended);
         going_on.clone().any(|c| c.other.is_some()) && !going_on.any(|c| c.counts(self.began, now))
     }
@@ -419,7 +133,7 @@ impl<'a> Cameras<'a> {
     }
 
     /// Says which cameras are missing or cannot be combined, once. `now`: nanoseconds, on the clock of `together`.
-    fn say(&mut self, together: &Synchroniser, now: u64) {
+    pub fn say(&mut self, together: &Synchroniser, now: u64) {
         let instant = Instant::now();
         let all = 0..self.each.len();
         let left_out: Vec<Option<LeftOut>> =
@@ -447,26 +161,24 @@ impl<'a> Cameras<'a> {
     }
 }
 
+/// What to say of a frame whose size is not the calibration's: a camera may be asked for that.
+fn advised(error: anyhow::Error, view: &View, frame: &ObservationFrame) -> anyhow::Error {
+    let is_turned = view.for_pictures([frame.height, frame.width]).is_some();
+    if is_turned || frame.flags & FLAG_FILE_TIME != 0 {
+        return error;
+    }
+    let told = told(&error);
+    Failure::data(format!(
+        "{told}; --capture-size asks the camera for the calibration's, where it has that"
+    ))
+    .into()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::time::Duration;
 
-    #[test]
-    fn a_slow_camera_is_not_missed_between_its_frames() {
-        let began = Instant::now();
-        let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
-        let mut camera = Camera::default();
-        assert!(!camera.is_silent(began, at(4.0)) && camera.is_silent(began, at(6.0)));
-        for k in 0..3 {
-            camera.rhythm.hear(at(10.0 + 2.0 * f64::from(k)));
-        }
-        assert!(!camera.is_silent(began, at(17.9)));
-        assert!(camera.is_silent(began, at(18.1)));
-        // A fast one is, and one that was away for long is no slow one.
-        camera.rhythm.hear(at(1000.0));
-        camera.rhythm.hear(at(1000.1));
-        assert!(!camera.is_silent(began, at(1001.0)) && camera.is_silent(began, at(1001.2)));
-    }
+    use super::*;
 
     #[test]
     fn a_camera_of_another_size_may_be_asked_for_the_right_one() {
@@ -628,20 +340,5 @@ mod tests {
                 assert_eq!(again.map_err(|e| code(&e)), Err(DATA));
             }
         }
-    }
-
-    #[test]
-    fn a_camera_that_cannot_be_combined_is_spoken_of_once() {
-        let began = Instant::now();
-        let at = |seconds: f64| began + Duration::from_secs_f64(seconds);
-        let mut apart = Apart::default();
-        let mut look = |why, seconds| apart.look(why, at(seconds));
-        let slow = Some(LeftOut::Slow(0.6));
-        assert_eq!((look(slow, 0.0), look(slow, 4.9)), (None, None));
-        assert_eq!((look(slow, 5.1), look(slow, 60.0)), (slow, None), "once");
-        // It was combined in between.
-        assert_eq!((look(None, 61.0), look(slow, 62.0)), (None, None));
-        let late = Some(LeftOut::Late(1.2));
-        assert_eq!(look(late, 67.1), late);
     }
 }
