@@ -203,8 +203,8 @@ unsafe impl<D: Dot> Chain for Plain<D> {
 }
 
 impl<D: Dot> Plain<D> {
-    /// [`Chain::sum`]. Every step calls the next AHEAD lines into the caches, from `ahead` bytes behind the first weights
-    /// on; at most as many as it reads.
+    /// [`Chain::sum`]. Every step calls the next AHEAD lines into the caches, from `ahead` bytes behind the first
+    /// weights on; at most as many as it reads.
     ///
     /// # Safety
     /// As [`Chain::sum`].

@@ -61,6 +61,11 @@ struct Case {
     seed: u64,
 }
 
+/// What is held against scalar: emulators and Miri take minutes for scalar itself, which is slowest.
+fn tiers_beside_scalar() -> impl Iterator<Item = Isa> {
+    Isa::available().filter(|isa| *isa != Isa::Scalar)
+}
+
 /// A layout that is a channel slice of a wider buffer, with halo.
 fn sliced(height: usize, width: usize, channels: usize, around: usize, halo: usize) -> Layout {
     Layout::dense(height, width, channels + 2 * around, halo)
