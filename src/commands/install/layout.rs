@@ -14,6 +14,8 @@ const USER_UNIT: &str = include_str!("../../../deploy/edgecap-user.service");
 const SYSUSERS: &str = include_str!("../../../deploy/edgecap.sysusers");
 const TMPFILES: &str = include_str!("../../../deploy/edgecap.tmpfiles");
 const UDEV: &str = include_str!("../../../deploy/70-edgecap.rules");
+/// Licences of what the program holds of others, who ask for them wherever it goes.
+const THIRD_PARTY: &str = include_str!("../../../deploy/THIRD-PARTY.txt");
 /// Where the unit in `deploy/` looks for the program.
 const PACKAGED: &str = "/usr/bin/edgecap";
 /// Where a person's unit in `deploy/` looks for the settings.
@@ -211,6 +213,8 @@ impl Layout {
             let unit = USER_UNIT.replace(USUAL_CONFIG, &word(&self.config)?);
             text(self.unit(), unit);
         }
+        let licences = self.share.join("doc/edgecap/THIRD-PARTY.txt");
+        text(licences, THIRD_PARTY.into());
         for (name, page) in manual()? {
             text(self.share.join("man/man1").join(name), page);
         }

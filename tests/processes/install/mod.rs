@@ -78,6 +78,7 @@ fn the_machines_service_comes_once_stays_and_goes() {
         "etc/udev/rules.d/70-edgecap.rules",
         "usr/local/bin/edgecap",
         "usr/local/share/bash-completion/completions/edgecap",
+        "usr/local/share/doc/edgecap/THIRD-PARTY.txt",
         "usr/local/share/fish/vendor_completions.d/edgecap.fish",
         "usr/local/share/man/man1/edgecap-run.1",
         "usr/local/share/man/man1/edgecap.1",

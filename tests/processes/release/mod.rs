@@ -3,6 +3,7 @@
 
 mod folder;
 mod packed;
+mod third_party;
 mod wheel;
 
 use std::path::PathBuf;

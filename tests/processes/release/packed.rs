@@ -43,6 +43,7 @@ fn without_a_repository_everything_is_packed_all_the_same() {
         for file in [
             "/edgecap",
             "/LICENSE",
+            "/THIRD-PARTY.txt",
             "/README.md",
             "/models/open/attribution.txt",
         ] {

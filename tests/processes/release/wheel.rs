@@ -73,6 +73,7 @@ fn a_wheel_says_the_licence_of_its_weights_and_carries_what_that_asks_for() {
             has("LICENSE") && has("LICENSE-MIT") && has("LICENSE-APACHE"),
             "{files:?}"
         );
+        assert!(has("deploy/THIRD-PARTY.txt"), "{files:?}");
         assert_eq!(has(attribution), carries, "{files:?}");
         let version = project.get("version").and_then(toml::Value::as_str);
         let open = concat!(env!("CARGO_PKG_VERSION"), "+open");
@@ -89,7 +90,7 @@ fn a_project_that_cannot_be_changed_for_the_open_weights_is_told() {
     let project = sources.at("sources/pyproject.toml");
     let text = std::fs::read_to_string(&project).unwrap();
     for (line, other) in [
-        ("\"LICENSE-APACHE\"]", "\"LICENSE-APACHE\",\n]"),
+        ("THIRD-PARTY.txt\"]", "THIRD-PARTY.txt\",\n]"),
         (" AND LicenseRef", " AND  LicenseRef"),
         ("dynamic =", "dynamic="),
     ] {

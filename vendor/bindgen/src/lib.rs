@@ -1,0 +1,1 @@
+//! Nothing. `README.md` says why.
