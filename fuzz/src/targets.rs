@@ -15,7 +15,7 @@ use edgecap::camera::calibration::{
     read_qtm, write_pose2sim,
 };
 use edgecap::camera::{CameraFile, monotonic_ns};
-use edgecap::capture::{AviReader, Frame, MjpegReader, PhotoDecoder, Source, Y4mReader};
+use edgecap::capture::{AviReader, Frame, MjpegReader, PhotoDecoder, Y4mReader};
 use edgecap::detect::{AssociationConfig, Associator};
 use edgecap::engine::model::Calibration;
 use edgecap::engine::{
@@ -32,6 +32,14 @@ use edgecap::record::{BodiesRow, CameraSource, ObservationReader, Row, RowReader
 use edgecap_client::{BUFFER, Subscriber};
 
 use crate::seeds;
+
+// By its path from here: programs that have this file by its path look elsewhere otherwise.
+#[path = "film.rs"]
+mod film;
+
+#[cfg(feature = "mp4")]
+pub use film::mp4;
+use film::{assert_whole, play};
 
 /// A target by its name.
 pub type Target = (&'static str, fn(&[u8]));
@@ -59,8 +67,6 @@ pub const TARGETS: &[Target] = &[
     ("body", body),
 ];
 
-/// Pictures that are taken from one film.
-const PICTURES: usize = 8;
 /// Lines, frames or messages that are taken from one input.
 const FRAMES: usize = 16;
 /// The largest network that is run, so that an input takes milliseconds.
@@ -195,17 +201,6 @@ pub fn avi(data: &[u8]) {
     }
 }
 
-/// H.264 in an MP4 container. It is opened by path, so it lies in memory that has one.
-#[cfg(feature = "mp4")]
-pub fn mp4(data: &[u8]) {
-    use std::io::Write;
-    let mut file = tempfile::NamedTempFile::new_in("/dev/shm").expect("/dev/shm takes files");
-    file.write_all(data).expect("/dev/shm has room");
-    if let Ok(Some(film)) = edgecap::capture::Mp4Source::open(file.path()) {
-        play(film);
-    }
-}
-
 /// Uncompressed YUV4MPEG2.
 pub fn y4m(data: &[u8]) {
     if let Ok(film) = Y4mReader::new(data, "fuzz.y4m", Some(data.len() as u64)) {
@@ -219,24 +214,6 @@ pub fn y4m(data: &[u8]) {
 /// Raw Motion-JPEG.
 pub fn mjpeg(data: &[u8]) {
     play(MjpegReader::new(data, "fuzz.mjpeg", None));
-}
-
-fn play(mut film: impl Source) {
-    let _ = (film.frame_count(), film.fps());
-    let mut frame = Frame::default();
-    for _ in 0..PICTURES {
-        match film.next_into(&mut frame) {
-            Ok(true) => assert_whole(&frame),
-            Ok(false) => break,
-            Err(e) if e.is_skippable() => {}
-            Err(_) => break,
-        }
-    }
-}
-
-fn assert_whole(frame: &Frame) {
-    let expected = 3 * frame.width as usize * frame.height as usize;
-    assert!(expected > 0 && frame.rgb.len() == expected);
 }
 
 /// A JPEG or PNG with its Exif orientation.
