@@ -166,10 +166,14 @@ impl<'a> Table<'a> {
         let span = value.span();
         match value.into_inner() {
             DeValue::Table(table) => Ok(self.below(key, table, span)),
-            other => Err(self.mistake_at(
-                Some(span),
-                format!("{key}: expected {expected}, found a {}", other.type_str()),
-            )),
+            other => {
+                let found = match other.type_str() {
+                    of @ ("integer" | "array") => format!("an {of}"),
+                    of => format!("a {of}"),
+                };
+                let what = format!("{key}: expected {expected}, found {found}");
+                Err(self.mistake_at(Some(span), what))
+            }
         }
     }
 

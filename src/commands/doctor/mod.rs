@@ -22,7 +22,7 @@ use super::status;
 pub use beyond::held_back;
 use finding::{Finding, State};
 pub use memory::is_check;
-use patience::{attempt, within};
+use patience::{Unanswered, attempt, unanswered, within};
 
 /// How long a check may take.
 const LIMIT: Duration = Duration::from_secs(10);
@@ -151,21 +151,25 @@ fn settled(args: ConfigArgs) -> Settled {
         let (runs, reads) = (effective.runs()?, effective.reads());
         Ok((settings.file, effective, runs, reads, same_people))
     };
-    let hangs = || Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS);
+    let no_answer = |why| match why {
+        // A mistake of the file, or of one that it names.
+        Unanswered::Hangs => Finding::new(SETTINGS, State::Broken(exit::CONFIG), HANGS),
+        why => unanswered(SETTINGS, why, HANGS),
+    };
     let (file, effective, runs, reads, same_people) = match attempt(FILE_LIMIT, read) {
-        Some(Ok(read)) => read,
-        Some(Err(e)) => return Settled::without(Finding::failed(SETTINGS, e)),
-        None => return Settled::without(hangs()),
+        Ok(Ok(read)) => read,
+        Ok(Err(e)) => return Settled::without(Finding::failed(SETTINGS, e)),
+        Err(why) => return Settled::without(no_answer(why)),
     };
     let finding = match &file {
         Some(file) => match attempt(SPEED_LIMIT, move || effective.expect_start()) {
-            Some(Ok(())) => {
+            Ok(Ok(())) => {
                 let text = format!("{}: right; cameras: {}", file.display(), runs.len());
                 Finding::new(SETTINGS, State::Fine, text)
             }
             // What the cameras show can be seen all the same.
-            Some(Err(e)) => Finding::failed(SETTINGS, e),
-            None => hangs(),
+            Ok(Err(e)) => Finding::failed(SETTINGS, e),
+            Err(why) => no_answer(why),
         },
         None => {
             let text = "no edgecap.toml: defaults hold; 'edgecap config sample' is one";

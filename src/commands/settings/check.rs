@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::ffi::OsStr;
 
+use clap::error::{ContextKind, ContextValue};
 use serde_json::Value;
 
 use super::FittingArgs;
@@ -67,7 +68,14 @@ fn refusal(command: &clap::Command, key: &str, text: &str) -> Option<String> {
     }
     let typed = [format!("--{}={text}", flag.get_long()?)];
     let e = command.clone().try_get_matches_from(typed).err()?;
-    let why = e.source().map_or_else(|| e.to_string(), |s| s.to_string());
+    let why = match (e.source(), e.get(ContextKind::ValidValue)) {
+        (Some(why), _) => why.to_string(),
+        // What clap says itself is several lines, and about a flag.
+        (None, Some(ContextValue::Strings(known))) => {
+            format!("expected one of {}, found {text}", known.join(", "))
+        }
+        (None, _) => format!("found {text}, which it cannot be"),
+    };
     Some(format!("{key}: {why}"))
 }
 

@@ -78,10 +78,15 @@ pub fn expect_addresses(run: &RunArgs) -> Result<(), Failure> {
 
 /// Whether only one can listen at these addresses.
 fn collide(one: SocketAddr, other: SocketAddr) -> bool {
-    let is_any = |a: SocketAddr| a.ip().is_unspecified();
-    let is_same_machine = one.is_ipv4() == other.is_ipv4() && (is_any(one) || is_any(other));
     // At port 0 each gets one of its own.
-    one.port() != 0 && one.port() == other.port() && (one.ip() == other.ip() || is_same_machine)
+    let is_same_port = one.port() != 0 && one.port() == other.port();
+    is_same_port && (one.ip() == other.ip() || takes_all(one, other) || takes_all(other, one))
+}
+
+/// Whether who listens at `one` has the port of `other`, too: `0.0.0.0` is every address of IPv4, and `[::]` every one
+/// of both, unless the system has it otherwise (`net.ipv6.bindv6only`).
+fn takes_all(one: SocketAddr, other: SocketAddr) -> bool {
+    one.ip().is_unspecified() && (one.is_ipv6() || other.is_ipv4())
 }
 
 /// The devices of the cameras of a run, and who has them.
@@ -115,5 +120,43 @@ impl Devices {
         }
         self.0.push((device, chosen.name.clone()));
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    /// The system is asked for the addresses of this machine itself; it need not have IPv6.
+    #[test]
+    fn addresses_collide_where_only_one_can_listen() {
+        let address =
+            |ip: &str, port: u16| -> SocketAddr { format!("{ip}:{port}").parse().unwrap() };
+        for (one, other, expected) in [
+            ("127.0.0.1", "127.0.0.1", true),
+            ("0.0.0.0", "127.0.0.1", true),
+            ("[::]", "127.0.0.1", true),
+            ("[::]", "0.0.0.0", true),
+            ("[::]", "[::1]", true),
+            ("127.0.0.1", "127.0.0.2", false),
+            ("0.0.0.0", "[::1]", false),
+            ("127.0.0.1", "[::1]", false),
+        ] {
+            for (one, other) in [(one, other), (other, one)] {
+                let are_one = |a, b| collide(address(one, a), address(other, b));
+                assert_eq!(are_one(9733, 9733), expected, "{one} {other}");
+                assert!(!are_one(9733, 9734) && !are_one(0, 0), "{one} {other}");
+            }
+            let is_v6_alone = std::fs::read_to_string("/proc/sys/net/ipv6/bindv6only");
+            if is_v6_alone.is_ok_and(|only| only.trim() == "0")
+                && let Ok(listens) = TcpListener::bind(address(one, 0))
+            {
+                let port = listens.local_addr().unwrap().port();
+                let second = TcpListener::bind(address(other, port));
+                assert!(!(expected && second.is_ok()), "{one} {other}");
+            }
+        }
     }
 }

@@ -42,7 +42,16 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "2:8",
             "1 to 179 degrees",
         ),
-        ("[[camera]]\nfps = \"fast\"", "2:7", "expected f64"),
+        (
+            "[[camera]]\nfps = \"fast\"",
+            "2:7",
+            "expected a number, found the text \"fast\"",
+        ),
+        (
+            "[network]\nquality = 5",
+            "2:11",
+            "quality: expected one of fast, balanced, best, found 5",
+        ),
         (
             "[[camera]]\nfps = 0.01",
             "2:1",
@@ -111,6 +120,7 @@ fn mistakes_are_named_with_their_place_and_what_was_probably_meant() {
             "on one line",
         ),
         ("camera = 3", "1:10", "camera.0: expected tables"),
+        ("network = 3", "1:11", "expected a table, found an integer"),
         ("[network]\nsize = ", "2:8", ""),
         (
             "[network]\nthreads = 1\nthreads = 2",
@@ -152,7 +162,8 @@ fn what_no_run_would_start_with_is_not_right() {
             "[[camera]]\n[metrics]\naddress = \"127.0.0.1:19744\"\n[bridges]\nview = \"{page}\"\n"
         )
     };
-    let (same, any) = (listening("127.0.0.1:19744"), listening("0.0.0.0:19744"));
+    let same = listening("127.0.0.1:19744");
+    let [any, every] = ["0.0.0.0:19744", "[::]:19744"].map(listening);
     let apart = config("check", &listening("127.0.0.1:19745"), &[]);
     assert!(apart.status.success(), "{}", program::stderr(&apart));
     let right = config("check", &two, &[]);
@@ -194,6 +205,7 @@ fn what_no_run_would_start_with_is_not_right() {
         (slowed, 78, "3:1", "'max_fps' leaves pictures"),
         (&same, 78, "5:1", "'view' 127.0.0.1:19744 and 'address' 127"),
         (&any, 78, "5:1", "'view' 0.0.0.0:19744 and 'address' 127"),
+        (&every, 78, "5:1", "'view' [::]:19744 and 'address' 127"),
         (twice, 78, "2:1", "'jsonl' /tmp/a and 'record' /tmp/a"),
         (&records, 78, "8:1", "hall: 'record' R and all: 'record' R"),
         (
