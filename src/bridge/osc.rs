@@ -7,6 +7,9 @@
 //! | `/edgecap/<camera>/body/<id>/<joint>` | f x, f y, f z in metres, f confidence 0–1; 21 of them, named as the joints are |
 //! | `/edgecap/<camera>/body/<id>/gone` | – ; once, when somebody is not published any more, or no frame comes |
 //! | `/edgecap/<camera>/event/<event>` | i person, 0 nobody; s zone or hand, or empty; f seconds, or 0 |
+//! | `/edgecap/<camera>/health` | s state, f seconds of it, s pace, f pictures a second, i cameras that send, i all |
+//!
+//! How a camera is doing comes at every change of its state and about once a second, also while no frame does.
 //!
 //! Axes: the floor's where one is known (x to the camera's right, y up, z towards the viewer), else the camera's (x
 //! right, y down, z forward).
@@ -17,9 +20,12 @@ use std::net::SocketAddr;
 use rosc::OscType::{Float, Int, String as Text};
 
 use super::udp::{Outlet, message, time_of};
+use crate::camera::monotonic_ns;
 use crate::joints::JOINT_NAMES;
-use crate::message::{BodyFrame, EventFrame, FLAG_FILE_TIME, Hand};
-use crate::sink::{Packet, Sink, SinkError};
+use crate::message::{
+    BodyFrame, EventFrame, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Hand, HealthFrame,
+};
+use crate::sink::{Packet, Sink, SinkError, Streamed};
 
 /// Sends every frame.
 #[derive(Debug)]
@@ -161,6 +167,66 @@ impl Sink<EventFrame> for OscEvents {
     }
 }
 
+/// Sends how a camera is doing.
+#[derive(Debug)]
+pub struct OscHealth {
+    outlet: Outlet,
+    camera: String,
+    /// What it said last.
+    newest: HealthFrame,
+}
+
+impl OscHealth {
+    /// Sends to `to` how `camera` is doing.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn new(camera: &str, to: SocketAddr) -> io::Result<Self> {
+        Ok(Self {
+            outlet: Outlet::new(to)?,
+            camera: camera.to_owned(),
+            newest: HealthFrame::default(),
+        })
+    }
+
+    fn send(&self) {
+        let health = &self.newest;
+        let args = vec![
+            Text(health.state.name().unwrap_or_default().to_owned()),
+            Float(health.state_seconds()),
+            Text(health.pace.name().unwrap_or_default().to_owned()),
+            Float(health.observed_hz),
+            Int(health.cameras_live as i32),
+            Int(health.cameras as i32),
+        ];
+        // Its own times are of this machine's clock, those of films, too.
+        let time = time_of(health.publish_ns, 0);
+        let told = message(format!("/edgecap/{}/health", self.camera), args);
+        self.outlet.send(0, time, vec![told]);
+    }
+}
+
+impl Sink<HealthFrame> for OscHealth {
+    fn take(&mut self, packet: &Packet<'_, HealthFrame>) -> Result<(), SinkError> {
+        self.newest = *packet.message;
+        self.send();
+        Ok(())
+    }
+
+    fn end(&mut self) -> Result<(), SinkError> {
+        if self.newest.flags & FLAG_END_OF_STREAM == 0 {
+            self.newest.end();
+            self.newest.stamp(monotonic_ns());
+            self.send();
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
+        Ok(None)
+    }
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use std::net::{Ipv4Addr, UdpSocket};
@@ -169,6 +235,7 @@ pub(super) mod tests {
     use rosc::{OscMessage, OscPacket, OscTime, decoder};
 
     use super::*;
+    use crate::message::HealthState;
 
     /// Somebody on this machine to whom bundles are sent.
     pub struct Listener(UdpSocket);
@@ -232,6 +299,52 @@ pub(super) mod tests {
             assert_eq!(names, wanted);
             assert_eq!(received, datagrams, "{camera}");
         }
+    }
+
+    #[test]
+    fn how_a_camera_is_doing_is_told_and_its_end_once() {
+        let listener = Listener::default();
+        let mut sink = Box::new(OscHealth::new("hall", listener.address()).unwrap());
+        let away = HealthFrame {
+            publish_ns: 5_000_000_000,
+            since_ns: 3_000_000_000,
+            state: HealthState::AWAY,
+            cameras: 1,
+            ..HealthFrame::default()
+        };
+        let packet = Packet {
+            message: &away,
+            source: "",
+            picture: None,
+        };
+        let told = || {
+            let [told] = &listener.bundle()[..] else {
+                panic!("expected one message");
+            };
+            assert_eq!(told.addr, "/edgecap/hall/health");
+            told.args.clone()
+        };
+        let text = |word: &str| Text(word.to_owned());
+        sink.take(&packet).unwrap();
+        let pace = text("unknown");
+        assert_eq!(
+            told(),
+            [
+                text("away"),
+                Float(2.0),
+                pace.clone(),
+                Float(0.0),
+                Int(0),
+                Int(1)
+            ]
+        );
+        sink.end().unwrap();
+        sink.end().unwrap();
+        assert_eq!(told()[0], text("ended"));
+        // It goes on, as of a camera whose process is started again.
+        sink.take(&packet).unwrap();
+        assert_eq!(told()[0], text("away"));
+        sink.finish().unwrap();
     }
 
     #[test]

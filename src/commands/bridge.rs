@@ -8,7 +8,7 @@ use edgecap_client::{Priority, Subscriber};
 use super::bridges::BridgeArgs;
 use super::exit::Failure;
 use super::input::DEFAULT_NAME;
-use super::relay::EventRelay;
+use super::relay::{EventRelay, HealthRelay};
 use super::say;
 use super::stop::Stop;
 use super::watch::Absence;
@@ -46,6 +46,7 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
     let flight = args.bridges.add_to(&mut sinks, &args.camera, hub)?;
     let priority = Priority::Reader;
     let mut events = EventRelay::to_bridges(&args.bridges, &args.camera, hub, priority)?;
+    let mut health = HealthRelay::to_bridges(&args.bridges, &args.camera, hub, priority)?;
     // Before anybody is told: where the camera is away this is somebody who was there hours ago.
     bodies.next(Duration::ZERO)?;
     let at = page
@@ -83,6 +84,9 @@ pub fn bridge(args: BridgeVerb) -> anyhow::Result<()> {
         }
         if let Some(events) = &mut events {
             events.look()?;
+        }
+        if let Some(health) = &mut health {
+            health.look();
         }
         if silence.begins(Instant::now()) {
             sinks.quiet();

@@ -13,17 +13,17 @@ use super::exit::Failure;
 use super::input::path_in_words;
 use super::serve::{PageArgs, PageServer, Past, address, parse_address, parse_token};
 use crate::bridge::expect_port;
-use crate::bridge::osc::{OscBridge, OscEvents};
+use crate::bridge::osc::{OscBridge, OscEvents, OscHealth};
 use crate::bridge::vmc::{VmcBridge, expect_ports};
 use crate::bridge::websocket::Hub;
-use crate::message::{BodyFrame, EventFrame};
+use crate::message::{BodyFrame, EventFrame, HealthFrame};
 use crate::sink::{FlightSink, Sinks};
 
 /// Options of the bridges, all of them off when not given.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BridgeArgs {
-    /// Serve the page of 'edgecap view', and bodies and events over WebSocket, at this address [--view alone:
+    /// Serve the page of 'edgecap view', and bodies, events and health over WebSocket, at this address [--view alone:
     /// 127.0.0.1:9744]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1,
         default_missing_value = "127.0.0.1:9744", value_parser = parse_address)]
@@ -33,7 +33,7 @@ pub struct BridgeArgs {
     /// a random one]
     #[arg(long, value_name = "TOKEN", value_parser = parse_token)]
     pub token: Option<String>,
-    /// Send joints and events as OSC over UDP to this address, such as 127.0.0.1:9000
+    /// Send joints, events and health as OSC over UDP to this address, such as 127.0.0.1:9000
     #[arg(long, value_name = "ADDRESS", value_parser = parse_osc_address)]
     #[serde(deserialize_with = "osc_address")]
     pub osc: Option<SocketAddr>,
@@ -167,6 +167,25 @@ impl BridgeArgs {
         }
         if let Some(to) = self.osc {
             sinks.push(OscEvents::new(camera, to).map_err(|e| failed("osc", to, e))?);
+        }
+        Ok(())
+    }
+
+    /// Adds what hears how `camera` is doing. VMC says no more than that nobody is sent.
+    ///
+    /// # Errors
+    /// Exit code 69 where the system has no socket.
+    pub fn add_health_to(
+        &self,
+        sinks: &mut Sinks<HealthFrame>,
+        camera: &str,
+        page: Option<&Hub>,
+    ) -> anyhow::Result<()> {
+        if let Some(hub) = page {
+            sinks.push(hub.health_sink(camera));
+        }
+        if let Some(to) = self.osc {
+            sinks.push(OscHealth::new(camera, to).map_err(|e| failed("osc", to, e))?);
         }
         Ok(())
     }

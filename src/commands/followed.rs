@@ -9,7 +9,7 @@ use edgecap_client::message::{BodyFrame, FLAG_END_OF_STREAM};
 use edgecap_client::{LinkError, Priority, Subscriber};
 
 use super::exit::told;
-use super::relay::{EventRelay, PictureRelay, is_of_now};
+use super::relay::{EventRelay, HealthRelay, PictureRelay, is_of_now};
 use super::stop::Stop;
 use crate::bridge::websocket::Hub;
 use crate::camera::monotonic_ns;
@@ -134,6 +134,7 @@ fn is_published(camera: &str) -> Result<bool, LinkError> {
 fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> anyhow::Result<()> {
     let bodies = Subscriber::<BodyFrame>::open(camera)?;
     let mut events = EventRelay::to_page(camera, hub)?;
+    let mut health = HealthRelay::to_page(camera, hub)?;
     let mut pictures = PictureRelay::to_page(camera, camera, Some(hub), Priority::Reader)?;
     let mut told = false;
     let mut published = Instant::now();
@@ -166,6 +167,7 @@ fn follow(camera: &str, hub: &Hub, stop: &Stop, patience: Option<Duration>) -> a
             hub.quiet(camera, &mut newest);
         }
         events.look()?;
+        health.look();
         if let Some(pictures) = &mut pictures {
             if is_silent {
                 pictures.quiet();

@@ -33,6 +33,11 @@ impl HealthStream {
         })
     }
 
+    /// Where it is told: whoever is added before the first word hears all.
+    pub fn sinks(&mut self) -> &mut Sinks<HealthFrame> {
+        &mut self.sinks
+    }
+
     /// Takes in what has become of the source by now, in nanoseconds of the monotonic clock, and tells it where it is
     /// time for that. Call it several times a second, also where nothing has happened.
     ///

@@ -50,6 +50,7 @@ mod stderr;
 mod stop;
 pub mod synth;
 mod table;
+mod taken;
 mod tally;
 mod threads;
 mod view;

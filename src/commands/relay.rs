@@ -1,8 +1,11 @@
-//! Hands on what a camera publishes besides bodies: events, and pictures where the user wants to see them.
+//! Hands on what a camera publishes besides bodies: events, how it is doing, and pictures where the user wants to see
+//! them.
 
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, PictureFrame};
+use edgecap_client::message::{
+    BodyFrame, EventFrame, FLAG_END_OF_STREAM, HealthFrame, PictureFrame,
+};
 use edgecap_client::{LinkError, Priority, Received, Subscriber};
 
 use super::bridges::BridgeArgs;
@@ -107,6 +110,75 @@ impl EventRelay {
                 })?;
             }
         }
+    }
+}
+
+/// From what a camera says of itself to sinks.
+pub struct HealthRelay {
+    camera: String,
+    health: Subscriber<HealthFrame>,
+    sinks: Sinks<HealthFrame>,
+    /// It was said that it cannot be handed on.
+    has_failed: bool,
+}
+
+impl HealthRelay {
+    /// To the bridges that take it; `None` where there are none.
+    ///
+    /// # Errors
+    /// As [`BridgeArgs::add_health_to`], and shared memory's.
+    pub fn to_bridges(
+        bridges: &BridgeArgs,
+        camera: &str,
+        page: Option<&Hub>,
+        priority: Priority,
+    ) -> anyhow::Result<Option<Self>> {
+        let mut sinks = Sinks::default();
+        bridges.add_health_to(&mut sinks, camera, page)?;
+        match sinks.is_empty() {
+            true => Ok(None),
+            false => Ok(Some(Self::new(camera, priority, sinks)?)),
+        }
+    }
+
+    /// To a page.
+    ///
+    /// # Errors
+    /// Shared memory's.
+    pub fn to_page(camera: &str, hub: &Hub) -> Result<Self, LinkError> {
+        let mut sinks = Sinks::default();
+        sinks.push(hub.health_sink(camera));
+        Self::new(camera, Priority::Reader, sinks)
+    }
+
+    fn new(camera: &str, priority: Priority, sinks: Sinks<HealthFrame>) -> Result<Self, LinkError> {
+        Ok(Self {
+            camera: camera.to_owned(),
+            health: Subscriber::open_with(camera, priority)?,
+            sinks,
+            has_failed: false,
+        })
+    }
+
+    /// Hands on what has been said since the last look; waits for nothing. Bodies go on without it: what it fails of is
+    /// said once.
+    pub fn look(&mut self) {
+        if let Err(e) = self.hand_on()
+            && !std::mem::replace(&mut self.has_failed, true)
+        {
+            tracing::warn!("{}: how it is doing is not handed on: {e}", self.camera);
+        }
+    }
+
+    fn hand_on(&mut self) -> Result<(), SinkError> {
+        while let Some(message) = self.health.next(Duration::ZERO)? {
+            self.sinks.take(&Packet {
+                message: &*message,
+                source: "",
+                picture: None,
+            })?;
+        }
+        Ok(())
     }
 }
 

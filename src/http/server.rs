@@ -20,10 +20,10 @@ const ANSWERED: Duration = Duration::from_secs(10);
 /// How often the end is looked for.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 /// Connections at a time, streams among them. Who comes then is told to come later.
-const MOST: usize = 48;
+const MOST: usize = 64;
 /// Streams at a time. The other places are for short answers: a browser asks for six at once, and a page that lacks one
 /// of its files shows nothing.
-const MOST_STREAMS: usize = 32;
+const MOST_STREAMS: usize = 48;
 /// Bytes of a request that are read although it is refused unheard.
 const UNHEARD: u64 = 1 << 20;
 /// After so long without a word the kernel asks whether the other end of a stream is still there, so often, so far

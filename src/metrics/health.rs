@@ -31,6 +31,8 @@ pub struct About {
     pub is_file: bool,
     /// Whether its pictures are numbered and timed by one camera, or one film: neither photos nor a room's are.
     pub is_sequence: bool,
+    /// Whether it is played from a record: its pace was that of another time, and says nothing of this machine.
+    pub is_replayed: bool,
     /// How often this process was started again.
     pub restarts: u32,
     /// How many cameras there are; 1 but of a room.
@@ -43,6 +45,7 @@ impl Default for About {
             interval: Duration::ZERO,
             is_file: false,
             is_sequence: true,
+            is_replayed: false,
             restarts: 0,
             cameras: 1,
         }
@@ -241,7 +244,8 @@ impl Health {
     fn pace(&self, now: u64) -> HealthPace {
         let (source, interval) = (self.recent.source_hz(), self.about.interval.as_secs_f64());
         let is_file = self.frame.flags & FLAG_FILE_TIME != 0;
-        let is_told = self.frame.state == HealthState::LIVE && self.about.is_sequence && !is_file;
+        let waits = is_file || self.about.is_replayed;
+        let is_told = self.frame.state == HealthState::LIVE && self.about.is_sequence && !waits;
         let lasts = now.saturating_sub(self.frame.since_ns);
         if !is_told || lasts < MEASURED_NS || source <= 0.0 {
             return HealthPace::UNKNOWN;
@@ -384,6 +388,19 @@ mod tests {
         }
         let mut camera = Camera::new(30, 2, Duration::ZERO);
         assert_eq!(camera.play(1, false).pace, HealthPace::UNKNOWN, "too early");
+    }
+
+    #[test]
+    fn a_record_tells_the_latency_of_then_and_no_pace() {
+        let mut camera = Camera::new(30, 2, Duration::ZERO);
+        camera.health.about.is_replayed = true;
+        let told = camera.play(4, false);
+        assert_eq!(
+            (told.state, told.pace),
+            (HealthState::LIVE, HealthPace::UNKNOWN)
+        );
+        assert!((39_000..=41_000).contains(&told.latency_us), "{told:?}");
+        assert_eq!(told.left_out, told.observed - 1);
     }
 
     #[test]

@@ -35,6 +35,18 @@ struct Shared {
     is_taken: bool,
 }
 
+impl Shared {
+    /// A stream fails. It is said where that `is_news` of this one, and the others have not failed of the same.
+    fn fails(&mut self, why: &SinkError, is_news: bool) {
+        let told = why.to_string();
+        if is_news && self.said.as_ref() != Some(&told) {
+            tracing::warn!("nobody can watch this run: {told}");
+            self.said = Some(told);
+        }
+        self.is_taken |= matches!(why, SinkError::Link(LinkError::Busy { .. }));
+    }
+}
+
 impl Streams {
     /// Of a camera: their failures are errors.
     pub fn of_camera(camera: &str) -> Self {
@@ -53,6 +65,21 @@ impl Streams {
             are_result: false,
             are_wanted: is_named,
             ..Self::of_camera(camera)
+        }
+    }
+
+    /// Takes in whether the name is `free`, before any stream is opened. Where it is not there are none, which is said.
+    ///
+    /// # Errors
+    /// That it is not, unless it can be done without.
+    pub fn expect(&self, free: Result<(), LinkError>) -> Result<(), LinkError> {
+        match free {
+            Err(e) if self.are_wanted => Err(e),
+            Err(e) => {
+                self.shared.borrow_mut().fails(&e.into(), true);
+                Ok(())
+            }
+            Ok(()) => Ok(()),
         }
     }
 
@@ -143,14 +170,8 @@ impl<S> PatientStream<S> {
     }
 
     fn fails(&mut self, now: Instant, why: SinkError) {
-        let mut shared = self.shared.borrow_mut();
-        let told = why.to_string();
-        // One that fails for another reason than the others did.
-        if self.again.is_none() && shared.said.as_ref() != Some(&told) {
-            tracing::warn!("nobody can watch this run: {told}");
-            shared.said = Some(told);
-        }
-        shared.is_taken |= matches!(why, SinkError::Link(LinkError::Busy { .. }));
+        let is_news = self.again.is_none();
+        self.shared.borrow_mut().fails(&why, is_news);
         self.again = Some(now + AGAIN);
     }
 }
@@ -295,5 +316,11 @@ mod tests {
         assert!(!streams.add_to(&mut sinks, open).unwrap());
         with_packet(|packet| assert!(sinks.take(packet).is_ok()));
         assert_eq!(PUBLISHED.get(), 0);
+        // Seen beforehand, too, though no two have the same stream.
+        let (streams, mut sinks) = (Streams::of_file("clip", false), Sinks::default());
+        assert!(streams.expect(Err(busy())).is_ok());
+        assert!(!streams.add_to(&mut sinks, open).unwrap() && sinks.is_empty());
+        assert!(Streams::of_file("clip", true).expect(Err(busy())).is_err());
+        assert!(Streams::of_camera("hall").expect(Err(busy())).is_err());
     }
 }

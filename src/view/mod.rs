@@ -19,7 +19,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 /// Packed with gzip, which every browser unpacks.
 const PACKED: &str = "/three.min.js";
 
-const ASSETS: [Asset; 13] = [
+const ASSETS: [Asset; 14] = [
     Asset {
         path: "/",
         kind: HTML,
@@ -54,6 +54,11 @@ const ASSETS: [Asset; 13] = [
         path: "/happened.js",
         kind: SCRIPT,
         body: include_bytes!("assets/happened.js"),
+    },
+    Asset {
+        path: "/health.js",
+        kind: SCRIPT,
+        body: include_bytes!("assets/health.js"),
     },
     Asset {
         path: "/history.js",

@@ -14,7 +14,8 @@ use edgecap::capture::{AviReader, Frame, Source, demo};
 use edgecap::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap::record::{BodiesRow, RowReader};
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, World, WorldState,
+    Body, BodyFrame, BodyState, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, HealthFrame,
+    HealthState, World, WorldState,
 };
 use edgecap_client::{Publisher, Subscriber};
 use glam::{DQuat, DVec3};
@@ -232,6 +233,25 @@ fn osc_tells_what_happens() {
         assert_eq!(found.numbers, numbers);
     }
     assert_eq!(messages.len(), 3);
+    // How it is doing is told while nothing happens.
+    let mut health = Publisher::<HealthFrame>::open(&name).unwrap();
+    let told = eventually("how it is doing", || {
+        let now = monotonic_ns();
+        let away = HealthFrame {
+            publish_ns: now,
+            since_ns: now - 2_000_000_000,
+            state: HealthState::AWAY,
+            cameras: 1,
+            ..HealthFrame::default()
+        };
+        health.publish(&away).unwrap();
+        let (_, mut messages) = receive(&socket)?;
+        messages
+            .pop()
+            .filter(|m| m.address == format!("/edgecap/{name}/health"))
+    });
+    assert_eq!(told.words, ["away", "unknown"]);
+    assert_eq!(told.numbers, [2.0, 0.0, 0.0, 1.0]);
 }
 
 #[test]
@@ -544,8 +564,14 @@ fn a_run_hands_on_what_it_publishes_and_bad_addresses_are_refused() {
     let camera = StandIn::new(10.0);
     let more = ["--osc", &address, "--view", "127.0.0.1:0"];
     let run = Watched::start("run-osc", &camera, &more);
-    let (_, head) = eventually("a frame", || receive(&socket));
-    assert_eq!(head[0].address, format!("/edgecap/{}/frame", run.name));
+    for (address, word) in [("frame", "camera"), ("health", "live")] {
+        let address = format!("/edgecap/{}/{address}", run.name);
+        eventually(&address, || {
+            let (_, messages) = receive(&socket)?;
+            let is_it = |m: &Osc| m.address == address && m.words[0] == word;
+            messages.iter().any(is_it).then_some(())
+        });
+    }
     let out = run.stop();
     assert!(out.status.success(), "{}", stderr(&out));
     assert!(
@@ -672,7 +698,15 @@ fn a_film_goes_only_where_it_is_told_to() {
     assert!(receive(&socket).is_none(), "nobody has asked for it");
     let out = run(&["--osc", &osc]);
     assert!(out.status.success(), "{}", stderr(&out));
-    assert!(receive(&socket).is_some());
+    let all = std::iter::from_fn(|| receive(&socket)).flat_map(|(_, messages)| messages);
+    let all: Vec<Osc> = all.collect();
+    let states = all.iter().filter(|m| m.address.ends_with("/health"));
+    let states: Vec<&str> = states.map(|m| &*m.words[0]).collect();
+    assert_eq!(
+        (states.first(), states.last()),
+        (Some(&"starting"), Some(&"ended"))
+    );
+    assert!(all.iter().any(|m| m.address.ends_with("/frame")));
     let out = run(&["--view", "127.0.0.1:0"]);
     let said = stderr(&out);
     assert!(

@@ -10,8 +10,8 @@ use edgecap::record::{
     BodiesRow, BodyReader, Format, ObservationsRow, RecordWriter, Row, RowReader,
 };
 use edgecap_client::message::{
-    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, FLAG_FILE_TIME, Intrinsics, Observation,
-    ObservationFrame,
+    Body, BodyFrame, BodyState, FLAG_END_OF_STREAM, FLAG_FILE_TIME, HealthFrame, HealthPace,
+    HealthState, Intrinsics, Observation, ObservationFrame,
 };
 use edgecap_client::{Publisher, Subscriber};
 
@@ -140,6 +140,108 @@ fn a_replay_is_what_was_published_with_its_latencies_in_its_own_time() {
         }
     }
     assert!(took >= least, "twice as fast, not {took} ns");
+}
+
+/// All that a replay of this record says of its source.
+fn told_by(path: &Path, name: &str) -> Vec<HealthFrame> {
+    let health = Subscriber::<HealthFrame>::open(name).unwrap();
+    let run = Running::start(&["replay", path.to_str().unwrap(), "--name", name]);
+    let mut told = Vec::new();
+    eventually("the end", || {
+        let next = health.next(Duration::from_secs(1)).unwrap()?;
+        told.push(*next);
+        (next.flags & FLAG_END_OF_STREAM != 0).then_some(())
+    });
+    assert!(run.wait(Duration::from_secs(60)).status.success());
+    told
+}
+
+#[test]
+fn a_replay_says_how_the_source_of_its_record_did() {
+    let folder = tempfile::tempdir().unwrap();
+    // The camera stalled for two seconds, and dropped pictures; one body is extrapolated.
+    let pause = 2_000_000_000;
+    let later = |n| BodyFrame {
+        capture_ns: frame(n).capture_ns + pause,
+        pose_ns: frame(n).pose_ns + pause,
+        publish_ns: frame(n).publish_ns + pause,
+        ..frame(n)
+    };
+    let between = BodyFrame {
+        sequence: frame(4).sequence,
+        ..frame(5)
+    };
+    let live: Vec<_> = (0..5)
+        .map(frame)
+        .chain([between])
+        .chain((9..12).map(later))
+        .collect();
+    let name = stream("replay-health");
+    let told = told_by(&record::<BodiesRow>(folder.path(), live), &name);
+    let states: Vec<_> = told.iter().map(|h| h.state).collect();
+    assert_eq!(states[0], HealthState::STARTING);
+    let mut changes = states.clone();
+    changes.dedup();
+    let (end, middle) = changes[1..].split_last().unwrap();
+    assert_eq!(*end, HealthState::ENDED);
+    assert!(middle.starts_with(&[HealthState::LIVE]) && middle.ends_with(&[HealthState::LIVE]));
+    // On a busy machine frames may be late for more than a second, too.
+    let comes_and_goes = [HealthState::LIVE, HealthState::STALLED];
+    assert!(middle.contains(&HealthState::STALLED), "{changes:?}");
+    assert!(
+        middle.iter().all(|state| comes_and_goes.contains(state)),
+        "{changes:?}"
+    );
+    assert!(
+        told.iter()
+            .all(|h| h.pace == HealthPace::UNKNOWN && h.cameras == 1)
+    );
+    let live = told.iter().rfind(|h| h.state == HealthState::LIVE).unwrap();
+    assert!(live.latency_us >= 14_999 && live.people == 2, "{live:?}");
+    let end = told.last().unwrap();
+    assert_eq!(
+        (end.flags, end.observed, end.left_out),
+        (FLAG_END_OF_STREAM, 8, 4)
+    );
+    assert_eq!(end.sequence, frame(11).sequence);
+
+    // Of a film nothing is late, and it has ended.
+    let film = (0..5).map(|n| ObservationFrame {
+        sequence: n,
+        capture_ns: n * STEP,
+        publish_ns: 7_000_000_000 + n,
+        flags: FLAG_FILE_TIME,
+        width: 640,
+        height: 480,
+        intrinsics: Intrinsics::from_horizontal_fov(640, 480, 60.0),
+        ..ObservationFrame::default()
+    });
+    let told = told_by(&record::<ObservationsRow>(folder.path(), film), &name);
+    assert!(
+        told.iter()
+            .all(|h| h.flags & FLAG_FILE_TIME != 0 && h.latency_us == 0)
+    );
+    let end = told.last().unwrap();
+    assert_eq!(
+        (end.state, end.observed, end.left_out),
+        (HealthState::ENDED, 5, 0)
+    );
+}
+
+/// Its bodies and its observations may be replayed side by side.
+#[test]
+fn a_replay_beside_another_of_the_same_camera_leaves_its_health_to_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = record::<BodiesRow>(folder.path(), (0..5).map(frame));
+    let name = stream("replay-beside");
+    let _other = Publisher::<HealthFrame>::open(&name).unwrap();
+    let out = output(&["replay", path.to_str().unwrap(), "--name", &name]);
+    let said = stderr(&out);
+    assert!(out.status.success(), "{said}");
+    assert!(
+        said.contains(&format!("edgecap/v1/{name}/health already")),
+        "{said}"
+    );
 }
 
 #[test]

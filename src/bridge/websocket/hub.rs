@@ -11,13 +11,14 @@ use super::client::{Client, Line, handshake};
 use super::history::History;
 use super::mailbox::{Mailbox, OfCamera};
 use super::packet::Packet;
-use super::sink::HubSink;
+use super::report::Report;
+use super::sink::{HealthSink, HubSink};
 use crate::events;
 use crate::http::{Answer, Request};
-use crate::message::{BodyFrame, EventFrame, PictureFrame};
+use crate::message::{BodyFrame, EventFrame, HealthFrame, PictureFrame};
 
-/// Frames and events of all cameras go in; every client gets those that it wants. A handle: its clones are the same
-/// hub.
+/// Frames and events of all cameras go in, and how these are doing; every client gets what it wants of them. A handle:
+/// its clones are the same hub.
 #[derive(Debug, Clone)]
 pub struct Hub(Arc<Mutex<Inner>>);
 
@@ -56,6 +57,8 @@ struct Inner {
     clients: Vec<Place<Arc<Packet>>>,
     /// Those of events; `true`: in binary.
     listeners: Vec<(Place<Message>, bool)>,
+    /// Those of how cameras are doing.
+    watchers: Vec<Place<Arc<Report>>>,
     /// Those of pictures; `None`: there are none to be had.
     viewers: Option<Vec<Place<Arc<Picture>>>>,
     history: History,
@@ -102,6 +105,7 @@ impl Hub {
         Self(Arc::new(Mutex::new(Inner {
             clients: Vec::new(),
             listeners: Vec::new(),
+            watchers: Vec::new(),
             viewers: shows.then(Vec::new),
             history: History::new(keep),
             happened: Vec::new(),
@@ -167,6 +171,16 @@ impl Hub {
         }
     }
 
+    /// Hands on how a camera is doing to everybody who watches; one that is too slow gets the newest.
+    pub fn report(&self, camera: &str, health: &HealthFrame) {
+        let watchers = &mut self.lock().watchers;
+        if watchers.is_empty() {
+            return;
+        }
+        let report = Arc::new(Report::new(camera, health));
+        watchers.retain(|place| place.put(camera, |mailbox| mailbox.replace(&report)));
+    }
+
     /// Whether pictures go to anybody.
     pub fn shows_pictures(&self) -> bool {
         self.lock().viewers.is_some()
@@ -194,14 +208,23 @@ impl Hub {
         }
     }
 
-    /// What a request for bodies, events or pictures gets: a stream, or why there is none.
+    /// Where goes in how one camera is doing.
+    pub fn health_sink(&self, camera: &str) -> HealthSink {
+        HealthSink {
+            hub: self.clone(),
+            camera: camera.to_owned(),
+            newest: HealthFrame::default(),
+        }
+    }
+
+    /// What a request for bodies, events, health or pictures gets: a stream, or why there is none.
     pub fn answer(&self, request: &Request) -> Answer {
         let path = &*request.path;
         if path == "/features" {
             return self.features(request.is_full);
         }
-        if !["/bodies", "/events", "/pictures"].contains(&path) {
-            let line = "bodies are at /bodies and events at /events, over WebSocket";
+        if !["/bodies", "/events", "/health", "/pictures"].contains(&path) {
+            let line = "bodies are at /bodies, events at /events, and how cameras are doing at /health, over WebSocket";
             return Answer::refusal("404 Not Found", line);
         }
         if path == "/pictures" && !self.shows_pictures() {
@@ -222,10 +245,15 @@ impl Hub {
                 "history=1: expected at /bodies; what has happened in a record comes unasked";
             return Answer::refusal("400 Bad Request", line);
         }
+        if path == "/health" && client.is_binary {
+            let line = "format=binary: how cameras are doing comes as JSON alone";
+            return Answer::refusal("400 Bad Request", line);
+        }
         let hub = self.clone();
         let serve: Serve = match path {
             "/bodies" => Box::new(move |line| hub.serve_bodies(&client, line)),
             "/events" => Box::new(move |line| hub.serve_events(&client, line)),
+            "/health" => Box::new(move |line| hub.serve_health(&client, line)),
             _ => Box::new(move |line| hub.serve_pictures(&client, line)),
         };
         Answer::Stream(Box::new(move |stream, ends| {
@@ -278,6 +306,15 @@ impl Hub {
         say_lost("events", mailbox.lost());
     }
 
+    fn serve_health(&self, client: &Client, line: Line<'_>) {
+        let mailbox = self.watch(client);
+        let take = |patience| {
+            let report: Arc<Report> = mailbox.take(patience)?;
+            Some(Message::Text(report.json()))
+        };
+        line.serve(Vec::new(), &take);
+    }
+
     fn serve_pictures(&self, client: &Client, line: Line<'_>) {
         let mailbox = self.look(client);
         let take = |patience| {
@@ -317,6 +354,15 @@ impl Hub {
         let past = past.flat_map(|h| h.messages(client.is_binary).iter().cloned());
         let past = past.collect();
         (mailbox, past)
+    }
+
+    /// The place of a client that hears how cameras are doing: of each within a second.
+    fn watch(&self, client: &Client) -> Arc<Mailbox<Arc<Report>>> {
+        let mailbox = Arc::new(Mailbox::default());
+        let watchers = &mut self.lock().watchers;
+        watchers.retain(Place::is_taken);
+        watchers.push(Place::new(client, &mailbox));
+        mailbox
     }
 
     /// The place of a client of pictures.
@@ -429,18 +475,21 @@ mod tests {
         let stays = (
             hub.join(&client, Instant::now()),
             hub.listen(&client),
+            hub.watch(&client),
             hub.look(&client),
         );
         for _ in 0..100 {
             hub.join(&client, Instant::now());
             hub.listen(&client);
+            hub.watch(&client);
             hub.look(&client);
         }
         let inner = hub.lock();
         let viewers = inner.viewers.as_ref().unwrap().len();
         // Who stays, and who came last.
-        let places = [inner.clients.len(), inner.listeners.len(), viewers];
-        assert_eq!(places, [2; 3]);
+        let (listeners, watchers) = (inner.listeners.len(), inner.watchers.len());
+        let places = [inner.clients.len(), listeners, watchers, viewers];
+        assert_eq!(places, [2; 4]);
         drop((inner, stays));
     }
 

@@ -1,4 +1,4 @@
-//! Bodies and events over WebSocket, as JSON or compact binary.
+//! Bodies, events and how cameras are doing over WebSocket, as JSON or compact binary.
 //!
 //! A client opens `/bodies` and gets every camera's frames as they are published, or only its newest where it is too
 //! slow: what it has not taken is replaced, never queued. Parameters: `format=json` (default) or `binary` ([`binary`]),
@@ -7,6 +7,8 @@
 //!
 //! At `/events` it gets what happens, of a record all that has happened, in the same two forms. Events are queued: only
 //! a client that is behind by a thousand loses the oldest.
+//!
+//! At `/health` it gets how each camera is doing, as JSON: at every change of its state, and about once a second.
 
 mod access;
 pub mod binary;
@@ -16,9 +18,10 @@ mod history;
 mod hub;
 mod mailbox;
 mod packet;
+mod report;
 mod sink;
 
 pub use access::Access;
 pub use hub::{APART, Hub};
 pub use packet::Packet;
-pub use sink::HubSink;
+pub use sink::{HealthSink, HubSink};

@@ -1,7 +1,8 @@
-//! A camera's frames and events to a hub, as a sink.
+//! A camera's frames, its events and what it says of itself to a hub, as sinks.
 
 use super::Hub;
-use crate::message::{BodyFrame, EventFrame};
+use crate::camera::monotonic_ns;
+use crate::message::{BodyFrame, EventFrame, FLAG_END_OF_STREAM, HealthFrame};
 use crate::sink::{Packet, Sink, SinkError, Streamed};
 
 /// Hands one camera's frames to everybody who is connected.
@@ -38,6 +39,36 @@ impl Sink<BodyFrame> for HubSink {
 impl Sink<EventFrame> for HubSink {
     fn take(&mut self, packet: &Packet<'_, EventFrame>) -> Result<(), SinkError> {
         self.hub.tell(&self.camera, packet.message);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Option<String>, SinkError> {
+        Ok(None)
+    }
+}
+
+/// Hands on to everybody who listens how one camera is doing.
+#[derive(Debug)]
+pub struct HealthSink {
+    pub(super) hub: Hub,
+    pub(super) camera: String,
+    /// What it said last.
+    pub(super) newest: HealthFrame,
+}
+
+impl Sink<HealthFrame> for HealthSink {
+    fn take(&mut self, packet: &Packet<'_, HealthFrame>) -> Result<(), SinkError> {
+        self.newest = *packet.message;
+        self.hub.report(&self.camera, &self.newest);
+        Ok(())
+    }
+
+    fn end(&mut self) -> Result<(), SinkError> {
+        if self.newest.flags & FLAG_END_OF_STREAM == 0 {
+            self.newest.end();
+            self.newest.stamp(monotonic_ns());
+            self.hub.report(&self.camera, &self.newest);
+        }
         Ok(())
     }
 

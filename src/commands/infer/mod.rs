@@ -27,6 +27,7 @@ use super::progress;
 use super::result;
 use super::say;
 use super::stop::Stop;
+use super::taken::{What, expect_free};
 use crate::capture::{InputSpec, Source, camera, list_cameras};
 use crate::counted::counted;
 use crate::metrics::{About, Health};
@@ -120,6 +121,15 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         .writes_records(&args.record)
         .may_write("--overlay", args.overlay.as_deref())
         .check()?;
+    let streams = match chosen.is_live() {
+        true => Streams::of_camera(&chosen.name),
+        false => Streams::of_file(&chosen.name, task.input.name.is_some()),
+    };
+    // A supervisor has looked, and one that it has just ended may take its time.
+    if is_published && !is_supervised {
+        let what = [What::Observations, What::Health];
+        streams.expect(expect_free(&chosen.name, &what))?;
+    }
     let source = open(&task, &chosen, &heart)?;
     let lens = input::camera_file(&task.input, &chosen)?;
     let mut sinks = Sinks::default();
@@ -132,10 +142,6 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
             source.is_stills(),
         )?);
     }
-    let streams = match chosen.is_live() {
-        true => Streams::of_camera(&chosen.name),
-        false => Streams::of_file(&chosen.name, task.input.name.is_some()),
-    };
     if is_published {
         streams.add_to(&mut sinks, SharedMemorySink::<ObservationFrame>::open)?;
     }
@@ -144,7 +150,7 @@ pub fn infer(mut args: InferArgs) -> anyhow::Result<()> {
         is_file: !source.is_live(),
         is_sequence: !source.is_stills(),
         restarts: restarts(),
-        cameras: 1,
+        ..About::default()
     };
     let mut health = HealthStream::open(about, is_published.then_some(&streams))?;
     health.look(|_, _| ())?;

@@ -72,8 +72,8 @@ impl Clock {
         Self::new(self.speed, began.max(now), self.step, None)
     }
 
-    /// Waits until a frame is due, or must not be waited for any more.
-    pub fn wait(&mut self, frame: &impl Times, must_end: impl Fn() -> bool) {
+    /// Waits until a frame is due, or must not be waited for any more, which is asked several times a second.
+    pub fn wait(&mut self, frame: &impl Times, mut must_end: impl FnMut() -> bool) {
         let due = self.began + self.due(frame.due_ns());
         while !must_end() {
             let left = due.saturating_duration_since(Instant::now());

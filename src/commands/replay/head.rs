@@ -3,8 +3,12 @@
 use std::path::Path;
 use std::time::Instant;
 
+use edgecap_client::Message;
+use edgecap_client::message::FLAG_FILE_TIME;
+
 use super::clock::Clock;
 use super::records::{bodies, observations, open};
+use crate::metrics::About;
 use crate::record::clock::{Stamp, usual_step};
 use crate::record::{Kind, Times};
 
@@ -20,6 +24,8 @@ pub struct Head {
     pub first: Option<u64>,
     /// Usually between two, nanoseconds; `None` where times do not rise.
     pub step: Option<u64>,
+    /// What there is to say of its source.
+    pub about: About,
 }
 
 impl Head {
@@ -29,12 +35,17 @@ impl Head {
     /// A record that cannot be read, or of which the first frame is damaged.
     pub fn read(record: &Path, keeps_times: bool) -> anyhow::Result<Self> {
         let mut stamps = Vec::new();
+        let (mut is_file, mut has_picture) = (keeps_times, true);
         let kind = Kind::of(&mut open(record)?);
         let read = match kind {
             Some(Kind::Bodies) => bodies(record, &mut |frame| {
+                is_file |= has_file_time(frame);
+                // Several cameras that see the same people have no one picture.
+                has_picture &= frame.is_end() || frame.width > 0;
                 Ok(Self::takes(&mut stamps, frame, keeps_times))
             }),
             Some(Kind::Observations) => observations(record, &mut |frame| {
+                is_file |= has_file_time(frame);
                 Ok(Self::takes(&mut stamps, frame, keeps_times))
             }),
             None => Ok(false),
@@ -43,10 +54,17 @@ impl Head {
         if stamps.is_empty() {
             read?;
         }
+        let step = usual_step(&stamps);
         Ok(Self {
             kind,
             first: stamps.first().map(|(_, due)| *due),
-            step: usual_step(&stamps),
+            step,
+            about: About {
+                is_file,
+                is_sequence: has_picture && step.is_some(),
+                is_replayed: true,
+                ..About::default()
+            },
         })
     }
 
@@ -84,6 +102,10 @@ impl Head {
         stamps.push((frame.number(), due));
         stamps.len() < HEAD
     }
+}
+
+fn has_file_time(frame: &impl Message) -> bool {
+    frame.flags() & FLAG_FILE_TIME != 0
 }
 
 /// When a frame is due whose times of capture are kept.
@@ -124,6 +146,7 @@ mod tests {
                 kind: Some(Kind::Bodies),
                 first: Some(first * SECOND),
                 step: None,
+                about: About::default(),
             };
             let heads: Vec<Head> = takes.iter().map(head).collect();
             super::detached(&heads, |n, time| takes[n].1 * SECOND < time)
@@ -186,6 +209,8 @@ mod tests {
         writer.finish().unwrap();
         let head = Head::read(&path, true).unwrap();
         assert_eq!((head.first, head.step), (Some(7_000 * MS), Some(40 * MS)));
+        // Its times are kept; without a picture it is a room's.
+        assert!(head.about.is_file && !head.about.is_sequence);
         let lasts = [7_040, 7_041].map(|ms| !head.ends_before(&path, ms * MS, || false));
         assert_eq!(lasts, [true, false]);
     }

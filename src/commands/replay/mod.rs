@@ -121,6 +121,7 @@ pub fn replay(args: ReplayArgs) -> anyhow::Result<()> {
         record,
         name,
         step: head.step,
+        about: head.about,
         stop: &stop,
         has_failed: &has_failed,
         began,

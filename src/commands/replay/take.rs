@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use edgecap_client::message::ObservationFrame;
-use edgecap_client::service_name;
+use edgecap_client::{LinkError, service_name};
 
 use super::ReplayArgs;
 use super::clock::Clock;
@@ -14,11 +14,13 @@ use super::target::{BodyStreams, Target};
 use crate::camera::monotonic_ns;
 use crate::commands::exit::Failure;
 use crate::commands::fit::numbers::Numbers;
+use crate::commands::health::HealthStream;
 use crate::commands::stop::Stop;
 use crate::commands::{event_settings, say};
 use crate::counted::counted;
+use crate::metrics::{About, Seen};
 use crate::record::{Kind, Times};
-use crate::sink::{SharedMemorySink, Streamed};
+use crate::sink::{SharedMemorySink, Streamed, Streams};
 
 /// Calls its argument with every frame of the record until that says `false`; whether the record ends inside a frame.
 type Rows<'a, M> =
@@ -35,6 +37,8 @@ pub struct Take<'a> {
     pub name: &'a str,
     /// Usually between two of its frames, nanoseconds; `None` where times do not rise.
     pub step: Option<u64>,
+    /// What there is to say of its source.
+    pub about: About,
     /// When the user has enough.
     pub stop: &'a Stop,
     /// Whether one of several could not be played.
@@ -75,12 +79,32 @@ impl Take<'_> {
         }
     }
 
+    /// What is said of the record's source under its name; nothing where another process does, as one that replays the
+    /// same camera's bodies beside its observations.
+    fn health(&self) -> Result<HealthStream, LinkError> {
+        let streams = Streams::of_camera(self.name);
+        match HealthStream::open(self.about, Some(&streams)) {
+            Err(LinkError::Busy { service }) => {
+                tracing::warn!(
+                    "another process publishes {service} already: this replay does without"
+                );
+                HealthStream::open(self.about, None)
+            }
+            opened => opened,
+        }
+    }
+
     fn play<M: Streamed + Times>(
         &self,
         what: &str,
         mut to: impl Target<M>,
         rows: Rows<'_, M>,
-    ) -> anyhow::Result<()> {
+    ) -> anyhow::Result<()>
+    where
+        Seen: for<'m> From<&'m M>,
+    {
+        let mut health = self.health()?;
+        health.look(|_, _| ())?;
         let name = self.record.display().to_string();
         say::err(&format!(
             "{name} → shared memory {} (Ctrl-C stops)",
@@ -93,6 +117,7 @@ impl Take<'_> {
             None => Instant::now(),
         };
         let mut clock = Clock::new(self.args.speed, began, self.step, self.together);
+        let mut newest = None;
         let outcome = loop {
             let before = frames;
             let played = rows(&mut |recorded| {
@@ -108,13 +133,22 @@ impl Take<'_> {
                 if self.together.is_some() {
                     message.keep_times();
                 }
-                clock.wait(&*message, || self.must_end());
+                let mut told = Ok(());
+                clock.wait(&*message, || {
+                    told = health.look(|health, now| health.waits(now));
+                    told.is_err() || self.must_end()
+                });
+                told?;
                 if self.must_end() {
                     return Ok(false);
                 }
                 message.renumber(numbers.go_on(recorded.number()));
                 message.publish_at(monotonic_ns());
                 to.take(&message, &recorded)?;
+                // Bodies that are extrapolated, or held, are of no picture of their own.
+                if newest.replace(message.number()) != Some(message.number()) {
+                    health.look(|health, now| health.observed(now, &(&*message).into(), false))?;
+                }
                 frames += 1;
                 Ok(true)
             });
@@ -139,7 +173,10 @@ impl Take<'_> {
             to.begin_anew();
             clock = clock.next_pass(Instant::now());
         };
+        // Readers of all streams hear it before one of them waits for its own.
+        health.end();
         let finished = to.finish();
+        health.finish();
         outcome?;
         finished?;
         say::out(&counted(frames, "frame", "frames"));

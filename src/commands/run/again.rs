@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use edgecap_client::LinkError;
 
 use super::pulse::Pulse;
-use super::taken;
 use crate::commands::exit::{self, told_again};
 use crate::commands::stop::Stop;
+use crate::commands::taken;
 use crate::metrics::Meter;
 use crate::sink::SinkError;
 use crate::supervise::Progress;

@@ -8,7 +8,6 @@ use super::RunArgs;
 use super::again::OneOfSeveral;
 use super::live::{self, Plan};
 use super::pulse::Pulse;
-use super::taken;
 use crate::bridge::websocket::Access;
 use crate::commands::exit::{self, Failure, told_again};
 use crate::commands::input::NamedInput;
@@ -17,6 +16,7 @@ use crate::commands::settings::{Loopback, expect_camera, expect_each_its_own, ex
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
+use crate::commands::taken;
 use crate::http::{Answer, Server};
 use crate::metrics::{Meter, exposition};
 use crate::supervise::ServiceManager;

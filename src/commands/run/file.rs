@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use edgecap_client::message::{BodyFrame, EventFrame, ObservationFrame};
 use edgecap_client::{Priority, service_name};
 
-use super::{RunArgs, taken};
+use super::RunArgs;
 use crate::camera::monotonic_ns;
 use crate::capture::Frame;
 use crate::commands::event_settings;
@@ -23,6 +23,7 @@ use crate::commands::relay::{PictureRelay, hush};
 use crate::commands::say;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
+use crate::commands::taken::{What, expect_free};
 use crate::commands::tally::Tally;
 use crate::metrics::About;
 use crate::record::BodiesRow;
@@ -51,10 +52,8 @@ struct Observed {
 /// # Errors
 /// As [`run`](super::run).
 pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<()> {
-    // What nobody has named is done without.
-    if args.input.name.is_some() {
-        taken::expect_free_bodies(&chosen.name)?;
-    }
+    let streams = Streams::of_file(&chosen.name, args.input.name.is_some());
+    streams.expect(expect_free(&chosen.name, &[What::Bodies, What::Health]))?;
     let exports = Exports::new(&args.export)?;
     let source = chosen.open(&args.input)?;
     let camera = input::camera_file(&args.input, chosen)?;
@@ -81,7 +80,6 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
     args.bridges
         .add_events_to(&mut happened, &chosen.name, hub)?;
     let mut table = Table::new(args.table);
-    let streams = Streams::of_file(&chosen.name, args.input.name.is_some());
     if streams.add_to(&mut sinks, SharedMemorySink::<BodyFrame>::open)? {
         let stream = service_name::<BodyFrame>(&chosen.name);
         table.say(&format!(
@@ -99,6 +97,8 @@ pub fn run(args: &RunArgs, chosen: &NamedInput, stop: &Stop) -> anyhow::Result<(
         ..About::default()
     };
     let mut health = HealthStream::open(about, Some(&streams))?;
+    args.bridges
+        .add_health_to(health.sinks(), &chosen.name, hub)?;
     health.look(|_, _| ())?;
     let mut pictures = PictureRelay::to_page(&chosen.name, &chosen.name, hub, Priority::Reserved)?;
     if !happened.is_empty() {

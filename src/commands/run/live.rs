@@ -19,7 +19,7 @@ use crate::commands::fit::numbers::Before;
 use crate::commands::infer::InferTask;
 use crate::commands::input::NamedInput;
 use crate::commands::outputs::finish;
-use crate::commands::relay::{EventRelay, PictureRelay, hush};
+use crate::commands::relay::{EventRelay, HealthRelay, PictureRelay, hush};
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
 use crate::commands::tally::Tally;
@@ -91,6 +91,17 @@ pub fn run(
     let bodies = Subscriber::<BodyFrame>::open_with(&plan.name, Priority::Reserved)?;
     let priority = Priority::Reserved;
     let mut events = EventRelay::to_bridges(&args.bridges, &plan.name, page, priority)?;
+    let cameras = plan.infers.iter().map(|(camera, _)| camera);
+    let others = cameras.filter(|camera| **camera != plan.name);
+    let mut health = Vec::new();
+    for name in std::iter::once(&plan.name).chain(others) {
+        health.extend(HealthRelay::to_bridges(
+            &args.bridges,
+            name,
+            page,
+            priority,
+        )?);
+    }
     let mut pictures = Vec::new();
     for (camera, _) in &plan.infers {
         pictures.extend(PictureRelay::to_page(camera, camera, page, priority)?);
@@ -127,6 +138,7 @@ pub fn run(
             News::Look => {
                 hush(&mut silence, &mut sinks, &mut pictures);
                 events.as_mut().map_or(Ok(()), EventRelay::look)?;
+                health.iter_mut().for_each(HealthRelay::look);
                 return Ok(pictures.iter_mut().try_for_each(PictureRelay::look)?);
             }
         };
@@ -141,7 +153,7 @@ pub fn run(
         })?)
     });
     // Publishers wait a little for those who still read.
-    drop((bodies, events, pictures));
+    drop((bodies, events, health, pictures));
     let mut children: Vec<&mut Child> = infers.children().collect();
     children.push(&mut fit);
     stop_all(&mut children);

@@ -14,7 +14,6 @@ mod live;
 mod mend;
 mod pulse;
 mod room;
-mod taken;
 
 use super::exit::Failure;
 use super::input::{self, NamedInput};

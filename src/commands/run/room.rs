@@ -7,7 +7,6 @@ use super::RunArgs;
 use super::cameras::{PROCESSES, figures};
 use super::live::{self, Plan};
 use super::pulse::Pulse;
-use super::taken;
 use crate::camera::{CameraFile, View};
 use crate::capture::Mounting;
 use crate::commands::fit::numbers::Before;
@@ -19,6 +18,7 @@ use crate::commands::settings::{FittingArgs, expect_camera, expect_each_its_own}
 use crate::commands::status::StatusFile;
 use crate::commands::stop::Stop;
 use crate::commands::table::Table;
+use crate::commands::taken::{What, expect_free};
 use crate::commands::views::choose;
 use crate::config::Setting;
 use crate::metrics::Meter;
@@ -69,8 +69,13 @@ pub fn run(
             before: Before::default(),
         },
     };
-    // Cameras whose names are taken are tried again, and the others go on without them.
-    taken::expect_free_bodies(&plan.name)?;
+    // Cameras whose names are taken are tried again, and the others go on without them: one that has the room's name,
+    // too, and what is said under that is the camera's own.
+    let of_room: &[What] = match plan.infers.iter().any(|(camera, _)| *camera == plan.name) {
+        true => &[What::Bodies],
+        false => &[What::Bodies, What::Health],
+    };
+    expect_free(&plan.name, of_room)?;
     let slowest = runs.iter().map(|run| run.pace.interval()).max();
     let meter = Meter::new(&plan.name, &plan.source, &PROCESSES);
     let meter = Arc::new(meter.with_interval(slowest.unwrap_or_default()));

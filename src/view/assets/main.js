@@ -3,6 +3,7 @@
 import { keep, renew } from './connections.js';
 import { decode } from './decode.js';
 import { Happened } from './happened.js';
+import { Health } from './health.js';
 import { History } from './history.js';
 import { Panel } from './panel.js';
 import { Picture } from './picture.js';
@@ -31,11 +32,12 @@ const [say, select, scrub, when, pause] = ['say', 'camera', 'scrub', 'when', 'pa
 const [history, space, panel] = [new History(), openSpace(), new Panel()];
 const picture = new Picture(byId('picture'));
 const happened = new Happened(byId('events'));
+const health = new Health();
 
 /**
  * `at` is the time that is shown, nanoseconds; null: the newest frame. `heard` is when each camera's last frame came,
  * `newest` the latest one of each; `unwritten` says that the tables are those of an earlier frame; `why` says why there
- * is no connection; `isWhole` that pictures and events were asked for, too; `asks` that the server is being asked what
+ * is no connection; `isWhole` that all else was asked for, too; `asks` that the server is being asked what
  * it is, and `again` is when it will be; `inVain` is how often in a row no stream came though the server had one;
  * `isPast` says that what comes is of the past; `complete` is the last moment at which nothing was missing, null: there
  * was none.
@@ -157,12 +159,13 @@ function know(told) {
   if (features.recorded) happened.most = Infinity;
 }
 
-/** Pictures and events, once. */
+/** Pictures, events and how cameras are doing, once. */
 function beside() {
   if (state.isWhole) return;
   state.isWhole = true;
   if (features.pictures) picture.connect(url);
   happened.connect(url);
+  if (!features.recorded) health.connect(url);
 }
 
 /** Whether the server is there, and the same: one that vanished without a word has ended no connection. */
@@ -250,9 +253,8 @@ function showPicture() {
 function forget() {
   for (const [camera, heard] of state.heard) {
     if (camera === state.camera || performance.now() - heard <= history.keepNs / 1e6) continue;
-    for (const kept of [state.heard, state.newest, state.ended, history.cameras, happened.byCamera]) {
-      kept.delete(camera);
-    }
+    const all = [state.heard, state.newest, state.ended, history.cameras, happened.byCamera, health.byCamera];
+    for (const kept of all) kept.delete(camera);
     [...select.options].find((o) => o.value === camera)?.remove();
   }
 }
@@ -275,12 +277,12 @@ function words() {
   const patience = Math.max(QUIET_MS, 2 * history.interval(state.camera) / 1e6);
   const quiet = performance.now() - (state.heard.get(state.camera) ?? 0) > patience;
   if (!state.connected) return state.why;
-  if (state.camera === null) return 'nobody publishes yet: start edgecap';
+  if (state.camera === null) return health.any() ?? 'nobody publishes yet: start edgecap';
   if (features.recorded) return `${state.camera}: recorded`;
   if (state.isPast && state.at === null) return `${state.camera}: the last minute is loading …`;
   if (state.ended.has(state.camera)) return `${state.camera}: the input has ended`;
   if (state.at !== null) return `${state.camera}: paused`;
-  return quiet ? `${state.camera}: no frames come` : `${state.camera}: live`;
+  return `${state.camera}: ${quiet ? health.why(state.camera) ?? 'no frames come' : 'live'}`;
 }
 
 function show(frames, index) {

@@ -5,7 +5,7 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use edgecap::capture::{AviReader, Source, demo};
-use edgecap::message::{BodyFrame, ObservationFrame};
+use edgecap::message::{BodyFrame, HealthFrame, ObservationFrame};
 use edgecap_client::Publisher;
 
 use super::{SMALL, count, photo};
@@ -70,6 +70,31 @@ fn a_run_whose_name_is_taken_says_so_and_nothing_else() {
     }
 }
 
+/// Of a `run` and an `infer` of one name each says how it is doing, though only one has bodies.
+#[test]
+fn a_name_of_whose_health_another_process_tells_is_refused_before_anything_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let seen = folder.path().join("seen.jsonl");
+    let name = stream("health-taken");
+    let _first = Publisher::<HealthFrame>::open(&name).unwrap();
+    for verb in [&["infer"][..], &["infer", "--live"], &["run"]] {
+        let out = edgecap()
+            .args(verb)
+            .args(["--input", "demo", "--name", &name])
+            .args(SMALL)
+            .arg("--jsonl")
+            .arg(&seen)
+            .output()
+            .unwrap();
+        let said = stderr(&out);
+        assert_eq!(out.status.code(), Some(69), "{said}");
+        assert_eq!(said.lines().count(), 1, "{verb:?}: {said}");
+        let wanted = format!("another process already publishes edgecap/v1/{name}/health");
+        assert!(said.contains(&wanted), "{said}");
+        assert!(out.stdout.is_empty() && !seen.exists(), "{said}");
+    }
+}
+
 /// Nobody has asked for a stream of it.
 #[test]
 fn a_file_without_a_name_needs_no_stream() {
@@ -92,4 +117,17 @@ fn a_file_without_a_name_needs_no_stream() {
         let seen = format!("edgecap-out/{name}.observations.jsonl");
         assert_eq!(count(&folder.path().join(seen)), 1);
     }
+    // None is announced that would end at once.
+    let _health = Publisher::<HealthFrame>::open(&name).unwrap();
+    let mut run = edgecap();
+    run.current_dir(folder.path()).args(["run", "--input"]);
+    let out = run.arg(&input).args(SMALL).output().unwrap();
+    let said = stderr(&out);
+    assert_eq!(out.status.code(), Some(0), "{said}");
+    assert_eq!(
+        said.matches("nobody can watch this run").count(),
+        1,
+        "{said}"
+    );
+    assert!(!said.contains("→ shared memory"), "{said}");
 }

@@ -2,10 +2,12 @@
 
 use std::time::Duration;
 
+use edgecap::camera::monotonic_ns;
 use edgecap_client::Publisher;
 use edgecap_client::joints::{BODY_JOINTS, JOINT_NAMES, PELVIS};
 use edgecap_client::message::{
-    BodyFrame, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, Intrinsics, World, WorldState,
+    BodyFrame, EventFrame, EventKind, FLAG_END_OF_STREAM, Hand, HealthFrame, HealthState,
+    Intrinsics, World, WorldState,
 };
 use serde_json::{Value, json};
 
@@ -449,6 +451,68 @@ fn long_a_browser_tells_of_each_camera_and_keeps_what_is_paused() {
     browser.until("document.getElementById('say')?.textContent.includes('has no WebGL')");
 }
 
+/// Needs Debian's chromium.
+#[test]
+#[ignore = "long: a browser"]
+fn long_a_browser_says_why_no_frames_come() {
+    let Some(mut browser) = Browser::start(1280, 800) else {
+        return;
+    };
+    let view = View::start("browser-health", &[]);
+    browser.open(&view.url);
+    browser.until("window.edgecap && edgecap.scene().state.startsWith('nobody publishes yet')");
+    let mut health = Publisher::<HealthFrame>::open(&view.camera).unwrap();
+    let since = monotonic_ns() - 90_000_000_000;
+    let mut says =
+        |browser: &mut Browser, state, [cameras_live, cameras]: [u32; 2], wanted: &str| {
+            let wanted = format!("{}: {wanted}", view.camera);
+            eventually(&wanted, || {
+                let message = HealthFrame {
+                    publish_ns: monotonic_ns(),
+                    since_ns: since,
+                    state,
+                    cameras,
+                    cameras_live,
+                    ..HealthFrame::default()
+                };
+                health.publish(&message).unwrap();
+                let said = browser.value("edgecap.scene().state");
+                let said = said.as_str().unwrap().to_owned();
+                said.starts_with(&wanted).then_some(said)
+            })
+        };
+    let away = says(
+        &mut browser,
+        HealthState::AWAY,
+        [0, 1],
+        "the camera has been away since ",
+    );
+    let again = says(
+        &mut browser,
+        HealthState::AWAY,
+        [0, 1],
+        "the camera has been away since ",
+    );
+    assert_eq!(away, again, "it is not read out every second");
+    let mut publisher = Publisher::<BodyFrame>::open(&view.camera).unwrap();
+    eventually("people", || {
+        publisher.publish(&crowd(1, 1)).unwrap();
+        let said = browser.value("edgecap.scene().state");
+        said.as_str().unwrap().ends_with(": live").then_some(())
+    });
+    let stalled = "the camera has sent no picture since ";
+    says(&mut browser, HealthState::STALLED, [0, 1], stalled);
+    says(
+        &mut browser,
+        HealthState::STALLED,
+        [2, 3],
+        "2 of 3 cameras send",
+    );
+    // One that says nothing any more may have gone long since.
+    browser.until("edgecap.scene().state.endsWith(': no frames come')");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
 /// As where a machine loses its power. Needs Debian's chromium.
 #[test]
 #[ignore = "long: a browser"]
@@ -484,7 +548,7 @@ fn long_a_browser_says_why_no_stream_comes_and_when_the_past_does() {
     };
     let view = View::start("streamless", &[]);
     // Every stream is taken.
-    let others: Vec<_> = (0..32).map(|_| view.connect("")).collect();
+    let others: Vec<_> = (0..48).map(|_| view.connect("")).collect();
     browser.open(&view.url);
     browser.until("window.edgecap && edgecap.scene().state.startsWith('full: ')");
     drop(others);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use edgecap::camera::monotonic_ns;
 use edgecap_client::Publisher;
-use edgecap_client::message::{BodyFrame, EventFrame, EventKind, Hand};
+use edgecap_client::message::{BodyFrame, EventFrame, EventKind, Hand, HealthFrame, HealthState};
 use serde_json::{Value, json};
 use tungstenite::WebSocket;
 
@@ -86,6 +86,46 @@ fn who_was_published_before_somebody_looked_is_shown_for_two_seconds_only() {
         client.read().ok()
     });
     assert!([2, 3].contains(&number(&first, 8)));
+}
+
+#[test]
+fn how_a_camera_is_doing_comes_over_websocket() {
+    let view = View::start("websocket-health", &[]);
+    let mut publisher = Publisher::<HealthFrame>::open(&view.camera).unwrap();
+    let mut heard = |state, path: &str| -> Option<Value> {
+        let mut client = view.connect_to(path);
+        let wait = Some(Duration::from_millis(200));
+        client.get_ref().set_read_timeout(wait).unwrap();
+        let mut tries = 0..if path.contains("another") { 5 } else { 300 };
+        let line = tries.find_map(|_| {
+            let health = HealthFrame {
+                publish_ns: monotonic_ns(),
+                state,
+                observed: 812,
+                cameras: 1,
+                ..HealthFrame::default()
+            };
+            publisher.publish(&health).unwrap();
+            client.read().ok()
+        })?;
+        Some(serde_json::from_str(line.to_text().unwrap()).unwrap())
+    };
+    let own = format!("health?camera={}", view.camera);
+    for (path, state) in [("health", HealthState::AWAY), (&*own, HealthState::LIVE)] {
+        let line = heard(state, path).unwrap();
+        assert_eq!(line["camera"], *view.camera);
+        assert_eq!(line["state"], state.name().unwrap());
+        assert_eq!(
+            (&line["observed"], &line["cameras"]),
+            (&json!(812), &json!(1))
+        );
+    }
+    assert_eq!(heard(HealthState::LIVE, "health?camera=another"), None);
+    let asks = "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+                Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let (head, body) = view.get("/health?format=binary", asks);
+    assert!(head.starts_with("HTTP/1.1 400 "), "{head}");
+    assert!(String::from_utf8_lossy(&body).contains("JSON alone"));
 }
 
 #[test]

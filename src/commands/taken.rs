@@ -1,17 +1,28 @@
-//! Whether another process publishes what a run is about to publish. A run that listened to another's bodies would show
-//! and record them as its own: it is refused before anything is opened or said.
+//! Whether another process publishes what this one is about to publish. A run that listened to another's bodies would
+//! show and record them as its own: it is refused before anything is opened or said.
 
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use edgecap_client::message::{BodyFrame, ObservationFrame};
+use edgecap_client::message::{BodyFrame, HealthFrame, ObservationFrame};
 use edgecap_client::{LinkError, Message, place, service_name};
 
 /// How long it is looked again, and how soon: processes of a run that was killed take a moment to end.
 const PATIENCE: Duration = Duration::from_millis(500);
 const PAUSE: Duration = Duration::from_millis(10);
+/// The same for what one process publishes: another that ends waits for its readers, for a second and a half.
+const ENDING: Duration = Duration::from_secs(2);
 /// How often it is looked at least: one look alone may take longer than that.
 const LOOKS: u32 = 3;
+
+/// What a process publishes of a camera or a room. Its events come with the bodies, its pictures with what it says of
+/// its health.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum What {
+    Bodies,
+    Observations,
+    Health,
+}
 
 /// A stream as the place of streams lists it, and as a service.
 struct Stream {
@@ -20,34 +31,41 @@ struct Stream {
 }
 
 impl Stream {
-    fn of<M: Message>(camera: &str) -> Self {
+    fn of<M: Message>(name: &str) -> Self {
         Self {
-            stem: format!("{camera}.{}", M::STREAM),
-            service: service_name::<M>(camera),
+            stem: format!("{name}.{}", M::STREAM),
+            service: service_name::<M>(name),
+        }
+    }
+}
+
+impl What {
+    fn stream(self, name: &str) -> Stream {
+        match self {
+            Self::Bodies => Stream::of::<BodyFrame>(name),
+            Self::Observations => Stream::of::<ObservationFrame>(name),
+            Self::Health => Stream::of::<HealthFrame>(name),
         }
     }
 }
 
 /// What is published for a camera.
 fn streams_of(camera: &str) -> Vec<Stream> {
-    vec![
-        Stream::of::<BodyFrame>(camera),
-        Stream::of::<ObservationFrame>(camera),
-    ]
+    let all = [What::Bodies, What::Observations, What::Health];
+    all.map(|what| what.stream(camera)).into()
 }
 
-/// Refuses a name whose bodies another process publishes.
+/// Refuses a name under which another process publishes any of this.
 ///
 /// # Errors
 /// [`LinkError::Busy`].
-pub fn expect_free_bodies(name: &str) -> Result<(), LinkError> {
-    let bodies = vec![Stream::of::<BodyFrame>(name)];
-    free_of(&[bodies], PATIENCE, look).into_iter().collect()
+pub fn expect_free(name: &str, whats: &[What]) -> Result<(), LinkError> {
+    let streams = whats.iter().map(|what| what.stream(name)).collect();
+    free_of(&[streams], ENDING, look).into_iter().collect()
 }
 
-/// For each of the cameras of a run whether nobody else publishes its bodies or observations, else
-/// [`LinkError::Busy`]. All are looked for at once: whoever looks clears away what the dead left, and holds their
-/// streams while it does.
+/// For each of the cameras of a run whether nobody else publishes anything of it, else [`LinkError::Busy`]. All are
+/// looked for at once: whoever looks clears away what the dead left, and holds their streams while it does.
 pub fn are_free<'a>(cameras: impl IntoIterator<Item = &'a str>) -> Vec<Result<(), LinkError>> {
     let streams: Vec<_> = cameras.into_iter().map(streams_of).collect();
     free_of(&streams, PATIENCE, look)
@@ -97,7 +115,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let names: Vec<String> = (0..16).map(|n| format!("c{n}")).collect();
         for name in &names {
-            for stream in ["bodies", "events", "observations"] {
+            for stream in ["bodies", "events", "health", "observations"] {
                 std::fs::write(folder.path().join(format!("{name}.{stream}.lock")), "").unwrap();
             }
         }
