@@ -40,6 +40,10 @@ pub mod solve;
 pub mod supervise;
 pub mod view;
 
+// Fuzz targets name the crate as others do; its own tests run that of the feature.
+#[cfg(all(test, feature = "mp4"))]
+extern crate self as edgecap;
+
 pub use edgecap_client::{joints, message};
 
 /// Which build this is: version, commit (outside a repository none) and the digest of the weights inside,
