@@ -107,21 +107,30 @@ impl Mounting {
         }
     }
 
+    /// Where a point of a picture of this size (pixels across and down) goes, in pixels whose centres are whole numbers.
+    pub fn point(self, [x, y]: [f32; 2], (width, height): (u32, u32)) -> [f32; 2] {
+        self.turned([x, y], [width as f32 - 1.0, height as f32 - 1.0])
+    }
+
+    /// Where a direction in the picture goes, x right and y down.
+    pub fn direction(self, direction: [f32; 2]) -> [f32; 2] {
+        self.turned(direction, [0.0, 0.0])
+    }
+
+    /// A point of a picture whose last pixel is `right`, `bottom`.
+    fn turned(self, [x, y]: [f32; 2], [right, bottom]: [f32; 2]) -> [f32; 2] {
+        let x = if self.mirrored { right - x } else { x };
+        match self.quarter_turns % 4 {
+            0 => [x, y],
+            1 => [bottom - y, x],
+            2 => [right - x, bottom - y],
+            _ => [y, right - x],
+        }
+    }
+
     /// The lens of the upright picture, given that of the camera's own picture of `width` × `height`.
     pub fn intrinsics(self, lens: Intrinsics, width: u32, height: u32) -> Intrinsics {
-        let (right, bottom) = (width as f32 - 1.0, height as f32 - 1.0);
-        let cx = if self.mirrored {
-            right - lens.cx
-        } else {
-            lens.cx
-        };
-        let cy = lens.cy;
-        let (cx, cy) = match self.quarter_turns % 4 {
-            0 => (cx, cy),
-            1 => (bottom - cy, cx),
-            2 => (right - cx, bottom - cy),
-            _ => (cy, right - cx),
-        };
+        let [cx, cy] = self.point([lens.cx, lens.cy], (width, height));
         let (fx, fy) = if self.quarter_turns % 2 == 1 {
             (lens.fy, lens.fx)
         } else {

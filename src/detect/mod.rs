@@ -14,5 +14,5 @@ pub use associator::Associator;
 pub use confidence::Confidence;
 pub use config::AssociationConfig;
 pub use detection::Detection;
-pub use looks::joined;
+pub use looks::{Lately, SIDES, join_turned, joined, leaning, lone_lying_score};
 pub use score::{FEATURES, PersonScore, features};

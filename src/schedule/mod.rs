@@ -8,6 +8,7 @@ pub mod inputs;
 pub mod mean;
 pub mod pace;
 pub mod region;
+pub mod sides;
 pub mod size;
 pub mod spacing;
 pub mod speed;

@@ -1,9 +1,10 @@
-//! Several looks at every picture, at sizes that fit its shape, joined.
+//! Several looks at every picture, at sizes that fit its shape and turned for those who lie in it, joined.
 
 use edgecap_client::message::{Intrinsics, Observation, StageTimes};
 
 use super::engine_args::EngineArgs;
 use super::shapes::Shapes;
+use super::turned::Turned;
 use crate::capture::Frame;
 use crate::commands::pipeline::Pipeline;
 use crate::detect::joined;
@@ -12,19 +13,21 @@ use crate::lift::FrameObservations;
 /// The stages for every look, by the shape of the picture.
 pub struct Looks {
     shapes: Shapes,
+    turned: Turned,
     people: Vec<Observation>,
     /// The larger input of the last looks, pixels across and down; zeros before the first.
     input: (usize, usize),
 }
 
 impl Looks {
-    /// Loads the model.
+    /// Loads the model, for a `film` (or camera), whose pictures follow each other, or for photos.
     ///
     /// # Errors
     /// As [`Pipeline::new`].
-    pub fn new(engine: &EngineArgs) -> anyhow::Result<Self> {
+    pub fn new(engine: &EngineArgs, film: bool) -> anyhow::Result<Self> {
         Ok(Self {
             shapes: Shapes::new(engine)?,
+            turned: Turned::new(film),
             people: Vec::new(),
             input: (0, 0),
         })
@@ -41,7 +44,8 @@ impl Looks {
     }
 
     /// Everyone in the frame, by `count` looks, one or two, with the first of inputs of these `sizes` (pixels across
-    /// and down): the others stay ready for the next frames.
+    /// and down): the others stay ready for the next frames. After two looks the picture is turned for those who lie in
+    /// it, and where nobody was found; that of a film when that is worth it.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -73,6 +77,9 @@ impl Looks {
             [small, large, ..] => {
                 let looks = [small.seen().people, large.seen().people];
                 joined(looks, lone_score, max_people, &mut self.people);
+                let (people, shapes) = (&mut self.people, &mut self.shapes);
+                let (_, took) = self.turned.join(frame, intrinsics, shapes, people)?;
+                times = sum(times, took);
             }
             [] => self.people.clear(),
         }

@@ -8,6 +8,7 @@ mod observer;
 mod pace_args;
 mod pipelines;
 mod shapes;
+mod turned;
 
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, channel};

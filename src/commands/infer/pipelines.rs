@@ -6,6 +6,7 @@ use super::crops::Crops;
 use super::engine_args::EngineArgs;
 use super::looks::{Looks, sum};
 use super::shapes::Shapes;
+use super::turned::Turned;
 use crate::camera::monotonic_ns;
 use crate::capture::{Crop, Frame, Letterbox};
 use crate::commands::pipeline::Pipeline;
@@ -66,6 +67,9 @@ struct Following {
     seen_in: ((usize, usize), usize),
     /// How the next picture is looked at, where that has been chosen.
     choice: Option<Choice>,
+    /// Looks at pictures on their side, too, and who is then in them.
+    turned: Turned,
+    people: Vec<Observation>,
     /// How tall people are by the present input and by another, pixels of the largest one.
     here: Vec<f32>,
     elsewhere: Vec<f32>,
@@ -90,6 +94,8 @@ impl Following {
             crops: Crops::default(),
             seen_in: Default::default(),
             choice: None,
+            turned: Turned::new(true),
+            people: Vec::new(),
             here: Vec::new(),
             elsewhere: Vec::new(),
         })
@@ -124,7 +130,7 @@ impl Pipelines {
             Inputs::Following(largest) => {
                 Stages::Following(Box::new(Following::new(engine, largest)?))
             }
-            Inputs::Looks(shares) => Stages::Looks(Box::new(Looks::new(engine)?), shares),
+            Inputs::Looks(shares) => Stages::Looks(Box::new(Looks::new(engine, film)?), shares),
         };
         let one = match &stages {
             Stages::Fixed(one) => Some(&**one),
@@ -246,6 +252,8 @@ impl Pipelines {
             zoom,
             region,
             crops,
+            turned,
+            people,
             here,
             elsewhere,
             ..
@@ -288,20 +296,25 @@ impl Pipelines {
             between.looked(frame, used.found(), seconds);
         }
         let seen = used.seen();
-        region.seen(frame, seen.people, crop.is_none());
         warn(seconds.and_then(|seconds| speed.took(now, level, seconds, crop.is_none())));
         if crop.is_none() {
             let fitted = fitted(picture, SHARES[level]);
             log(crew.took(now, level, network_seconds(&seen)), Some(fitted));
         }
-        heights(seen.people, here);
+        let (without_neck, times) = (seen.without_neck, sum(beside, seen.times));
+        people.clear();
+        people.extend_from_slice(seen.people);
+        let (is_turned, took) = turned.join(frame, intrinsics, shapes, people)?;
+        region.seen(frame, people, crop.is_none());
+        heights(people, here);
         let is_more = other.is_some() && elsewhere.len() > here.len();
         if is_more {
             region.forget();
         }
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
+        // The optical flow goes on from upright looks alone.
         if let Some(between) = between
-            && (is_more || zoom.level() != level)
+            && (is_turned || is_more || zoom.level() != level)
         {
             between.forget();
         }
@@ -309,8 +322,9 @@ impl Pipelines {
             tracing::debug!(?here, ?elsewhere, input = ?fitted(picture, SHARES[zoom.level()]), "another input");
         }
         Ok(FrameObservations {
-            times: sum(beside, seen.times),
-            ..seen
+            people,
+            without_neck,
+            times: sum(times, took),
         })
     }
 

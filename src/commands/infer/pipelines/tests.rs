@@ -382,3 +382,73 @@ fn a_network_of_other_multiples_needs_no_size() {
     let refused = Pipelines::new(&asked, true, None).err().unwrap();
     assert!(refused.to_string().contains("multiples of 48"), "{refused}");
 }
+
+/// The first picture of the demo clip in the middle of a grey square.
+fn square() -> Frame {
+    let mut clip = open_bytes("demo", demo::CLIP).unwrap();
+    let (mut inside, mut square) = (Frame::default(), grey((512, 512)));
+    assert!(clip.next_into(&mut inside).unwrap());
+    let first = 3 * 512 * 96;
+    square.rgb[first..first + inside.rgb.len()].copy_from_slice(&inside.rgb);
+    square
+}
+
+/// How many of those who stood in a square picture of `side` pixels are seen where they are once it is turned.
+fn lying_where_they_stood(
+    seen: &[Observation],
+    stood: &[Observation],
+    turn: crate::capture::Mounting,
+    side: u32,
+) -> usize {
+    let is_at = |from: &Observation, to: &Observation| {
+        let joints = from.joints2d.iter().zip(&to.joints2d);
+        let sure = joints.filter(|(from, to)| from[2] > 0.8 && to[2] > 0.0);
+        let off: Vec<f32> = sure
+            .map(|(from, to)| {
+                let [u, v] = turn.point([from[0], from[1]], (side, side));
+                (u - to[0]).hypot(v - to[1])
+            })
+            .collect();
+        off.len() > 3 && off.iter().sum::<f32>() / (off.len() as f32) < 6.0
+    };
+    let is_found = |from: &&Observation| seen.iter().any(|to| is_at(from, to));
+    stood.iter().filter(is_found).count()
+}
+
+/// For how many shapes there are stages.
+fn shapes_of(pipelines: &Pipelines) -> usize {
+    match &pipelines.stages {
+        Stages::Following(following) => following.shapes.count(),
+        _ => panic!("expected the input that follows people"),
+    }
+}
+
+#[test]
+fn who_lies_down_in_a_film_is_found_where_they_lie() {
+    let lens = Intrinsics::from_horizontal_fov(512, 512, 60.0);
+    let (mut pipelines, upright) = (following(None), square());
+    let stood = pipelines.process(&upright, &lens).unwrap().people.to_vec();
+    assert!(stood.len() > 1, "{} people", stood.len());
+    assert_eq!(shapes_of(&pipelines), 1, "nobody leans");
+    for quarter_turns in [1, 3] {
+        let turn = crate::capture::Mounting {
+            quarter_turns,
+            mirrored: false,
+        };
+        let mut lying = upright.clone();
+        turn.apply(&mut lying, &mut Vec::new());
+        pipelines.process(&upright, &lens).unwrap();
+        for k in 1..4 {
+            lying.time_ns = upright.time_ns + k * SECOND / 30;
+            let seen = pipelines.process(&lying, &lens).unwrap().people;
+            let found = lying_where_they_stood(seen, &stood, turn, 512);
+            let all = found + 1 >= stood.len() && seen.len() <= stood.len() + 1;
+            assert!(all, "{found} of {} in picture {k}, {turn:?}", seen.len());
+        }
+    }
+    assert_eq!(
+        shapes_of(&pipelines),
+        2,
+        "nothing was looked at on its side"
+    );
+}

@@ -1,9 +1,15 @@
 //! What two looks at one picture show, at different sizes, goes in; everybody comes out once: as the better look has
 //! them, joints where both looks together put them.
 
+mod bounds;
+mod lately;
+mod lying;
+
 use edgecap_client::message::Observation;
 
 use super::confidence::size;
+pub use lately::Lately;
+pub use lying::{SIDES, join_turned, leaning, lone_lying_score};
 
 /// Two reports whose joints are this similar, 0–1, are one person.
 const SAME: f32 = 0.4;
