@@ -174,32 +174,48 @@ impl Detector {
 
     /// Who is nearest to the camera, or to what the settings say; the main person until somebody is nearer by far.
     fn nearest(&self, frame: &BodyFrame) -> Option<u32> {
-        let there = |b: &&Body| self.people.get(&b.id).is_some_and(|p| p.there.get());
-        let distance = |b: &Body| {
-            let pelvis = b.joints3d[PELVIS];
-            let away = match self.config.main_near.filter(|_| frame.world.is_known()) {
-                Some([x, z]) => {
-                    let [at_x, _, at_z] = frame.world.point(pelvis).map(f64::from);
-                    (at_x - x).hypot(at_z - z)
-                }
-                None => {
-                    let squares = pelvis.iter().map(|c| f64::from(*c).powi(2));
-                    squares.sum::<f64>().sqrt()
-                }
-            };
-            match self.main.get() == Some(b.id) {
-                true => away * (1.0 - self.config.nearer),
-                false => away,
-            }
-        };
-        let all = frame.bodies().iter().filter(there);
-        let nearest = all.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let is_there = |id: &u32| self.people.get(id).is_some_and(|p| p.there.get());
+        let there = frame.bodies().iter().filter(|b| is_there(&b.id));
+        let away: Vec<(u32, f64)> = there.map(|b| (b.id, self.away(b, frame))).collect();
+        let by_far = |distance: f64| distance * (1.0 - self.config.nearer);
         // Whoever is out of sight for a moment stays it.
-        let main = self
-            .main
-            .get()
-            .filter(|id| self.people.get(id).is_some_and(|p| p.there.get()));
-        nearest.map(|b| b.id).or(main)
+        let main = self.main.get().filter(is_there);
+        let most = away.iter().find(|(id, _)| Some(*id) == main);
+        let most = most.map(|(_, distance)| by_far(*distance));
+        let nearer = |(_, distance): &&(u32, f64)| match most {
+            Some(most) => distance.total_cmp(&most).is_lt(),
+            None => true,
+        };
+        let Some(nearest) = away
+            .iter()
+            .filter(nearer)
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+        else {
+            return main;
+        };
+        // Of two side by side each is the nearer one by turns, and neither would ever be so for long enough: whoever is
+        // about to become the main person stays so until somebody is nearer by far, too.
+        let next = self.main.becomes().flatten();
+        let stays = |(id, distance): &&(u32, f64)| {
+            Some(*id) == next && by_far(*distance).total_cmp(&nearest.1).is_le()
+        };
+        let chosen = away.iter().filter(nearer).find(stays).unwrap_or(nearest);
+        Some(chosen.0)
+    }
+
+    /// How far somebody is from the camera, or from what the settings say, metres.
+    fn away(&self, body: &Body, frame: &BodyFrame) -> f64 {
+        let pelvis = body.joints3d[PELVIS];
+        match self.config.main_near.filter(|_| frame.world.is_known()) {
+            Some([x, z]) => {
+                let [at_x, _, at_z] = frame.world.point(pelvis).map(f64::from);
+                (at_x - x).hypot(at_z - z)
+            }
+            None => {
+                let squares = pelvis.iter().map(|c| f64::from(*c).powi(2));
+                squares.sum::<f64>().sqrt()
+            }
+        }
     }
 }
 
@@ -238,7 +254,15 @@ impl Person {
         let is_seen = self.seen == time;
         let hold = if is_seen { config.confirm } else { config.gone };
         let before = self.there.since();
-        match self.there.look(is_seen, time, hold) {
+        // Whether somebody has come who is missed in this frame, and still expected, it does not tell.
+        let is_open = !is_seen && !self.there.get() && body.is_some();
+        let changed = if is_open {
+            self.there.lapse(time, config.confirm);
+            None
+        } else {
+            self.there.look(is_seen, time, hold)
+        };
+        match changed {
             Some(true) if self.has_been => happened.push(Event {
                 seconds: (self.there.since() - before) as f32,
                 ..event(EventKind::CAME_BACK)

@@ -31,6 +31,11 @@ impl<T: Copy + PartialEq> Steady<T> {
         self.now
     }
 
+    /// What it is about to become, having been seen for less than it must hold.
+    pub fn becomes(&self) -> Option<T> {
+        self.next.map(|next| next.state)
+    }
+
     /// Since when it holds, seconds.
     pub fn since(&self) -> f64 {
         self.since

@@ -176,6 +176,86 @@ fn the_main_person_is_nearest_to_what_the_settings_say() {
     }
 }
 
+/// People by id and distance, metres, before a camera at a time, seconds.
+fn people(time: f64, away: &[(u32, f64)]) -> BodyFrame {
+    let mut frame = frame(time, None);
+    frame.count = away.len() as u32;
+    for (body, (id, z)) in frame.bodies.iter_mut().zip(away) {
+        *body = Body {
+            id: *id,
+            ..standing()
+        };
+        body.joints3d[PELVIS] = [0.0, 0.0, *z as f32];
+    }
+    frame
+}
+
+/// Who is told to be the main person, and in which frame, in a film of three seconds.
+fn main_people(scene: impl Fn(u32) -> Vec<(u32, f64)>) -> Vec<(u32, u32)> {
+    let mut detector = Detector::new(EventConfig::default());
+    let told = (0..30).flat_map(|k| {
+        let events = detector.look(&people(f64::from(k) / FPS, &scene(k)));
+        let main = events
+            .into_iter()
+            .filter(|e| e.kind == EventKind::MAIN_PERSON);
+        main.map(|e| (k, e.person)).collect::<Vec<_>>()
+    });
+    told.collect()
+}
+
+#[test]
+fn of_two_who_stand_side_by_side_one_is_the_main_person() {
+    // By turns each of them is nearer by five centimetres.
+    let waver = |k: u32| 0.05 * f64::from(k % 2);
+    let pair = |k: u32, a: u32, b: u32| vec![(a, 2.0 + waver(k)), (b, 2.0 + waver(k + 1))];
+    let told = main_people(|k| pair(k, 1, 2));
+    assert!(matches!(told[..], [(6..8, 1 | 2)]), "{told:?}");
+    // They come to somebody who stands farther away.
+    let join = |k: u32| match k {
+        0..10 => vec![(1, 4.0)],
+        _ => [vec![(1, 4.0)], pair(k, 2, 3)].concat(),
+    };
+    let told = main_people(join);
+    assert!(matches!(told[..], [(6..8, 1), (16..18, 2 | 3)]), "{told:?}");
+}
+
+#[test]
+fn whoever_is_nearer_by_far_must_be_so_for_as_long_as_anybody() {
+    let passes = |k: u32| match k {
+        0..10 => vec![(1, 4.0), (2, 5.0), (3, 5.0)],
+        10..12 => vec![(1, 4.0), (2, 3.0), (3, 5.0)],
+        _ => vec![(1, 4.0), (2, 3.0), (3, 2.0)],
+    };
+    let told = main_people(passes);
+    assert!(matches!(told[..], [(6..8, 1), (15..17, 3)]), "{told:?}");
+    // Nor is anybody who is hardly nearer than the main person.
+    let near = |k: u32| vec![(1, 4.0), (2, if k < 10 { 5.0 } else { 3.5 })];
+    let told = main_people(near);
+    assert!(matches!(told[..], [(6..8, 1)]), "{told:?}");
+}
+
+#[test]
+fn whoever_is_missed_in_single_frames_enters() {
+    let missed = Body {
+        state: BodyState::PREDICTED,
+        ..standing()
+    };
+    let enters = |bodies: &dyn Fn(u32) -> Option<Body>| {
+        let mut detector = Detector::new(EventConfig::default());
+        let film = (0..30).map(|k| frame(f64::from(k) / FPS, bodies(k)));
+        kinds(&look(&mut detector, film)).contains(&EventKind::ENTERED)
+    };
+    let every_third = |k: u32, other| match k % 3 {
+        2 => other,
+        _ => Some(standing()),
+    };
+    assert!(enters(&|k| every_third(k, Some(missed))), "still expected");
+    assert!(!enters(&|k| every_third(k, None)), "not even expected");
+    // Expected for longer than somebody must be seen, between two looks.
+    let seldom = |k: u32| Some(if k % 10 == 0 { standing() } else { missed });
+    assert!(!enters(&seldom), "two looks far apart");
+}
+
 #[test]
 fn two_frames_far_apart_raise_no_hand() {
     for is_silent in [false, true] {
