@@ -4,12 +4,14 @@ use std::fmt::Display;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use clap::builder::RangedU64ValueParser;
 use serde::Serialize;
 
 use super::apart::Apart;
 use super::exit::Failure;
 use super::progress;
 use super::say;
+use crate::joints::EVIDENCE_JOINTS;
 use crate::lab::eval::{
     EvalError, EvalOptions, Format, JointOrder, JointSet, Predictions, ReadOptions, Report,
     TruthSet, Units, evaluate, quiet,
@@ -61,7 +63,13 @@ pub struct EvalArgs {
     #[arg(long, value_enum, default_value = "shared", conflicts_with_all = WITHOUT_TRUTH)]
     pub joints: JointSet,
     /// Fewest labelled joints, of up to 14, of a person who is missed when not found
-    #[arg(long, value_name = "N", default_value_t = 8, conflicts_with_all = WITHOUT_TRUTH)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 8,
+        conflicts_with_all = WITHOUT_TRUTH,
+        value_parser = RangedU64ValueParser::<usize>::new().range(0..=EVIDENCE_JOINTS as u64)
+    )]
     pub min_joints: usize,
     /// Least height of such a person's box, in pixels of the network's 512x320 input
     #[arg(

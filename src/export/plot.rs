@@ -195,9 +195,9 @@ fn round_step(least: f64) -> f64 {
     of.into_iter().find(|s| *s >= least).unwrap_or(10.0 * power)
 }
 
-/// Without digits that say nothing.
+/// Without digits that say nothing; to the finest step of an axis, which is a part of a thousandth.
 fn number(value: f64) -> String {
-    let text = format!("{value:.3}");
+    let text = format!("{value:.4}");
     let short = text.trim_end_matches('0').trim_end_matches('.');
     if short == "-0" { "0" } else { short }.to_owned()
 }
@@ -211,6 +211,8 @@ fn colour(id: u32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::export::take::Frame;
+    use crate::message::{Body, World};
 
     #[test]
     fn of_a_column_the_ends_and_the_extremes_are_seen() {
@@ -239,5 +241,40 @@ mod tests {
             [number(1.5), number(-0.0), number(20.0)],
             ["1.5", "0", "20"]
         );
+    }
+
+    /// Of one photo, and of somebody who does not move, axes are as short as they can be.
+    #[test]
+    fn numbers_of_the_shortest_axes_differ() {
+        let frames = [Frame {
+            sequence: 0,
+            time: 0.0,
+            world: World::default(),
+            lowest_foot: Some(0.8),
+        }];
+        let sample = Sample {
+            frame: 0,
+            body: Body::default(),
+        };
+        let take = Take {
+            frames: frames.to_vec(),
+            people: [(1, vec![sample])].into(),
+            ..Take::default()
+        };
+        let panel = Panel {
+            title: "a panel".into(),
+            value: Box::new(|_| 0.95654),
+        };
+        let mut out = String::new();
+        draw(&take, &panel, 0.0, &mut out);
+        // The title comes first; what follows the last text is none.
+        let mut numbers: Vec<&str> = out.split("</text>").skip(1).collect();
+        numbers.pop();
+        let of_text = |text: &mut &str| *text = text.rsplit('>').next().unwrap_or_default();
+        numbers.iter_mut().for_each(of_text);
+        let count = numbers.len();
+        numbers.sort_unstable();
+        numbers.dedup();
+        assert!(count > 6 && numbers.len() == count, "{count}: {numbers:?}");
     }
 }

@@ -98,6 +98,8 @@ fn bad_input_is_one_line_and_a_code() {
     let measured = ["--predictions", "p.jsonl", "--truth", "coco.json"];
     let no_number = [&measured[..], &["--min-height", "nan"]].concat();
     let below_zero = [&measured[..], &["--min-height=-1"]].concat();
+    // Nobody has so many joints: everybody would be left out.
+    let too_many = [&measured[..], &["--min-joints", "15"]].concat();
     let codes = [
         (&["--predictions", "none.jsonl", "--no-people"][..], 66),
         (&["--predictions", "t.json", "--no-people"], 65),
@@ -173,6 +175,7 @@ fn bad_input_is_one_line_and_a_code() {
         (&["--multiview", "--joints", "all"], 64),
         (&no_number[..], 64),
         (&below_zero[..], 64),
+        (&too_many[..], 64),
     ];
     for (args, code) in codes {
         let failed = eval(folder.path(), args).code(code);

@@ -18,6 +18,12 @@ pub enum BoardError {
         /// Pictures.
         of: usize,
     },
+    /// Corners of every picture lie on a line.
+    #[error(
+        "camera {0}: expected corners in two rows of the board or more, found those on one line alone in every picture \
+         that is used, which do not tell where the board is; take pictures that show more of it"
+    )]
+    Line(String),
     /// Every board is square to the camera.
     #[error(
         "camera {camera}: expected the board tilted by 20 degrees and more in some pictures, found it too square to the camera in all {pictures}: they tell the focal length to {percent:.0} % only; tilt it both ways"

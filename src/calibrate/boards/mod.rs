@@ -173,20 +173,20 @@ fn allowed(camera: &Shots) -> f64 {
 
 /// One camera by its own pictures.
 fn alone(camera: &Shots, pictures: &[Corners]) -> Result<Single, BoardError> {
-    let few = || BoardError::Few {
-        camera: camera.name.clone(),
-        found: camera.shots.len(),
-        of: camera.pictures,
-    };
     if camera.lens.is_none() && camera.shots.len() < LEAST_PICTURES {
-        return Err(few());
+        return Err(BoardError::Few {
+            camera: camera.name.clone(),
+            found: camera.shots.len(),
+            of: camera.pictures,
+        });
     }
     let known = camera.lens.as_ref().map(|view| Lens {
         focal: view.focal,
         centre: view.centre,
         distortion: view.distortion,
     });
-    let found = single(pictures, camera.size, known).ok_or_else(few)?;
+    let found = single(pictures, camera.size, known);
+    let found = found.ok_or_else(|| BoardError::Line(camera.name.clone()))?;
     let used = found
         .boards
         .iter()

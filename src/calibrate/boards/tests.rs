@@ -274,6 +274,13 @@ fn what_boards_do_not_tell_is_said() {
         }
     ));
 
+    // Of a part of a board one row may be in view; the lens is known, by which one picture would be enough.
+    let (mut row, moments) = seen(&boards(1, 1.0), 0.0);
+    row[0].lens = Some(room()[0].clone());
+    row[0].shots[0].corners.retain(|c| c.place.y == 0.0);
+    let name = row[0].name.clone();
+    assert_eq!(refused(&row, &moments), BoardError::Line(name));
+
     // All of them square to the first camera, the one on the floor left out.
     let (mut square, moments) = seen(&boards(12, 0.0), 0.1);
     square.truncate(1);

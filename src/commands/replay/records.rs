@@ -1,6 +1,6 @@
 //! The frames of records, as their own numbers, times and ids have them.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::BufReader;
 use std::path::Path;
 
@@ -58,4 +58,32 @@ pub fn observations(
 pub fn open(path: &Path) -> anyhow::Result<BufReader<File>> {
     let file = record::open(path).map_err(|e| Failure::no_input(path, &e))?;
     Ok(BufReader::new(file))
+}
+
+/// What is wrong with a file that is of no kind of record.
+pub fn no_record(path: &Path) -> Failure {
+    let found = match fs::metadata(path).is_ok_and(|file| file.len() == 0) {
+        true => "an empty file",
+        false => "something else",
+    };
+    Failure::data(format!(
+        "{}: expected a record of bodies or observations, found {found}; 'edgecap record' makes one",
+        path.display()
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_empty_file_is_called_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.record");
+        for (holds, found) in [("", "an empty file"), ("a film", "something else")] {
+            fs::write(&path, holds).unwrap();
+            let said = no_record(&path).to_string();
+            assert!(said.contains(&format!("found {found};")), "{said}");
+        }
+    }
 }

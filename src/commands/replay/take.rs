@@ -9,7 +9,7 @@ use edgecap_client::{LinkError, service_name};
 
 use super::ReplayArgs;
 use super::clock::Clock;
-use super::records::{bodies, observations, open};
+use super::records::{bodies, no_record, observations, open};
 use super::target::{BodyStreams, Target};
 use crate::camera::monotonic_ns;
 use crate::commands::exit::Failure;
@@ -71,11 +71,7 @@ impl Take<'_> {
                     observations(self.record, take)
                 })
             }
-            None => Err(Failure::data(format!(
-                "{}: expected a record of bodies or observations, found something else; 'edgecap record' makes one",
-                self.record.display()
-            ))
-            .into()),
+            None => Err(no_record(self.record).into()),
         }
     }
 

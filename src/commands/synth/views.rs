@@ -15,6 +15,7 @@ use crate::camera::calibration::write_pose2sim;
 use crate::capture::AviWriter;
 use crate::commands::empty::expect_empty;
 use crate::commands::exit::Failure;
+use crate::commands::progress;
 use crate::counted::counted;
 use crate::lab::synth::TruthFrame;
 use crate::lab::synth::detector::{Detector, Flaws};
@@ -53,7 +54,7 @@ pub(super) fn write(
     if is_surveyed(args) {
         studio.prepare();
     }
-    let bar = ProgressBar::new(args.frames * views as u64);
+    let bar = progress::bar(args.frames * views as u64, "frames");
     let (mut wanted, mut lengths) = (args.frames, Vec::new());
     let mut ended = Ok(());
     for number in 0..views {

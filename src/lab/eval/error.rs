@@ -107,14 +107,26 @@ pub enum EvalError {
         /// What follows.
         found: &'static str,
     },
-    /// No frame of the truth has a prediction.
+    /// No frame of a film has a prediction.
+    #[error(
+        "expected predictions of frames {} to {}, which the truth is about, found those of frames {} to {}; predict \
+         the film from its beginning, or give the truth of this part",
+        expected[0], expected[1], found[0], found[1]
+    )]
+    OtherFrames {
+        /// First and last number in the truth.
+        expected: [u64; 2],
+        /// The same in the predictions.
+        found: [u64; 2],
+    },
+    /// No picture of the truth has a prediction.
     #[error(
         "none of the {truth} pictures of the truth is among the {predictions} predicted ones; expected the predictions' \"source\" to end in the truth's file names (with their folders, where several have one name): run `edgecap infer` on the same pictures"
     )]
     Disjoint {
-        /// Frames in the truth.
+        /// Pictures in the truth.
         truth: usize,
-        /// Frames predicted.
+        /// Pictures predicted.
         predictions: usize,
     },
 }

@@ -32,13 +32,28 @@ pub(crate) fn pair<'a>(
     };
     let pairs: Vec<_> = truth.frames.iter().zip(by_name).map(find).collect();
     if !pairs.is_empty() && pairs.iter().all(|(_, p)| p.is_none()) {
-        return Err(EvalError::Disjoint {
-            truth: pairs.len(),
-            predictions: predictions.frames.len(),
-        });
+        return Err(disjoint(truth, predictions));
     }
     expect_same_size(&pairs)?;
     Ok(pairs)
+}
+
+/// What is wrong where no frame of the truth has a prediction: numbers of a film do not meet, or names of pictures.
+fn disjoint(truth: &TruthSet, predictions: &Predictions) -> EvalError {
+    let numbers: Option<Vec<u64>> = truth.frames.iter().map(|f| f.frame).collect();
+    let expected = numbers.and_then(|all| first_and_last(all.into_iter()));
+    let found = first_and_last(predictions.frames.iter().map(|f| f.frame));
+    match expected.zip(found) {
+        Some((expected, found)) => EvalError::OtherFrames { expected, found },
+        None => EvalError::Disjoint {
+            truth: truth.frames.len(),
+            predictions: predictions.frames.len(),
+        },
+    }
+}
+
+fn first_and_last(numbers: impl Iterator<Item = u64> + Clone) -> Option<[u64; 2]> {
+    Some([numbers.clone().min()?, numbers.max()?])
 }
 
 /// Pixels of a picture that was turned or scaled, or of another one, are no measure.
@@ -156,6 +171,20 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(e.contains("a.avi") && e.contains("films/b.avi"), "{e}");
+    }
+
+    #[test]
+    fn so_are_those_of_other_frames_of_a_film_by_their_numbers() {
+        let mut late = truth("a.avi");
+        late.frames[0].frame = Some(5000);
+        late.frames.extend(late.frames.clone());
+        late.frames[1].frame = Some(5119);
+        let mut early = of("a.avi");
+        early.frames.extend(of("a.avi").frames);
+        early.frames[1].frame = 119;
+        let e = pair(&late, &early).unwrap_err().to_string();
+        assert!(e.contains("5000 to 5119") && e.contains("0 to 119"), "{e}");
+        assert!(!e.contains("file names"), "{e}");
     }
 
     #[test]

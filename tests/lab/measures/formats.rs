@@ -191,6 +191,11 @@ fn single_person_sets_are_read() {
         .remove(0);
     assert!((dhp.joints3d.unwrap()[PELVIS].unwrap()[0] - 1.4).abs() < 1e-9);
     assert!(matches!(real3d("other"), Err(EvalError::Format { .. })));
+    let said = real3d("smpl").unwrap_err().to_string();
+    assert!(
+        said.contains("as smpl has") && said.contains("found 17 and 17"),
+        "{said}"
+    );
 }
 
 #[test]

@@ -4,6 +4,7 @@
 use edgecap_client::joints::EVIDENCE_JOINTS;
 use serde::Deserialize;
 
+use super::npz::name_of;
 use super::{JointOrder, TruthFrame, TruthPerson, TruthSet};
 use crate::lab::eval::{EvalError, Keypoint};
 
@@ -57,7 +58,7 @@ pub(super) fn real3d(entries: Vec<Person3d>, name: &str) -> Result<TruthSet, Eva
         let Some(order) = order.filter(|_| e.joints2d.len() == count) else {
             return Err(EvalError::format(
                 format!("{name}, {}", e.file),
-                "17 joints in 2D and in 3D",
+                format!("as many joints in 2D and in 3D as {} has", name_of(e.set)),
                 format!("{} and {count}", e.joints2d.len()),
             ));
         };

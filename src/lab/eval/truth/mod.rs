@@ -35,7 +35,8 @@ pub enum Format {
     /// A list of pictures of one person each with `file`, `joints` and `split` in the 14 evidence joints (Leeds Sports
     /// Pose).
     People2d,
-    /// A list of pictures of one person each with `file`, `joints2d` and `joints3d_camera_m` in 17 joints.
+    /// A list of pictures of one person each with `file`, `joints2d` and `joints3d_camera_m`, in the order of joints
+    /// that `set` names (`h36m`, `mpi_inf_3dhp`, `smpl`, `spin`).
     Real3d,
     /// `truth.json` of `edgecap synth`.
     Synth,
