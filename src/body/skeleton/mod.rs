@@ -155,9 +155,8 @@ impl Skeleton {
             lengths[joint] = rest.length() * scale;
             directions[joint] = rest.normalize_or_zero();
         }
-        if let Some(j) =
-            (0..BODY_JOINTS).find(|&j| j != PELVIS && (lengths[j].is_nan() || lengths[j] <= 1e-3))
-        {
+        let has_length = |j: usize| lengths[j] > 1e-3 && lengths[j].is_finite();
+        if let Some(j) = (0..BODY_JOINTS).find(|&j| j != PELVIS && !has_length(j)) {
             return Err(SkeletonError::Layout(format!(
                 "no length for bone {:?}",
                 JOINT_NAMES[j]
@@ -175,7 +174,9 @@ impl Skeleton {
             let bone = index(&dof.bone)?;
             let follows = own[bone] == (0, 0) || own[bone].1 == k;
             let axis = DVec3::from_array(dof.axis).normalize_or_zero();
-            if bone == PELVIS || !follows || axis == DVec3::ZERO || dof.limits[0] >= dof.limits[1] {
+            let [low, high] = dof.limits;
+            let is_range = low.is_finite() && high.is_finite() && low < high;
+            if bone == PELVIS || !follows || axis == DVec3::ZERO || !is_range {
                 return Err(SkeletonError::Layout(format!(
                     "angle {:?} with a bad bone, axis, limits or place in the order",
                     dof.name
@@ -510,6 +511,13 @@ mod tests {
                 "limits = [70.0, -70.0]",
                 "neck_yaw",
             ),
+            ("limits = [-70.0, 70.0]", "limits = [nan, 70.0]", "neck_yaw"),
+            (
+                "limits = [-70.0, 70.0]",
+                "limits = [-70.0, inf]",
+                "neck_yaw",
+            ),
+            ("stature = 1.70", "stature = 0.0", "no length for bone"),
             (
                 "angles = [\"r_shoulder_flexion\"",
                 "angles = [\"l_shoulder_flexion\"",

@@ -355,8 +355,12 @@ mod tests {
         let mut lean = Lean::default();
         lean.look(&[], DVec3::NEG_Y, 0.0, 0.1, false);
         assert_eq!(lean.angle(), 0.0);
+        // Upright, before a camera that looks straight down: beside the place below it, and nearly there.
         let up = DVec3::NEG_Z;
-        let below = somebody(DVec3::NEG_Y, 0.0, 0.0, 0.0, |_| {});
+        let beside = somebody(up, 3.0, 0.0, 0.0, |_| {});
+        assert!(super::lean(&beside, up).is_some());
+        let below = somebody(up, 0.3, 0.0, 0.0, |_| {});
+        assert_eq!(super::lean(&below, up), None);
         lean.look(&[&below], up, 0.0, 0.1, false);
         assert_eq!(lean.angle(), 0.0);
     }
