@@ -14,7 +14,7 @@ use super::sight::DATA;
 use super::silhouette::Rim;
 use super::triangulate::{robust, robust_weight};
 use crate::body::BodyModel;
-use crate::body::mesh::{FREEDOM, MeshBody};
+use crate::body::mesh::{FREEDOM, MeshBody, first_turn};
 use crate::fit::reprojection;
 use crate::joints::{BODY_JOINTS, EVIDENCE_JOINTS};
 use crate::solve::{LeastSquares, NormalEquations};
@@ -213,8 +213,9 @@ impl LeastSquares for Energy<'_> {
             for (j, q) in at.pose.rotations.iter().enumerate().skip(1) {
                 let v = vector(*q);
                 for k in 0..3 {
-                    out.add(3 + 3 * j + k, 3 + 3 * j + k, RIGID);
-                    out.pull(3 + 3 * j + k, RIGID * v[k]);
+                    let row = first_turn(j) + k;
+                    out.add(row, row, RIGID);
+                    out.pull(row, RIGID * v[k]);
                 }
             }
         }

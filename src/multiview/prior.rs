@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use glam::{DMat3, DQuat, DVec3};
 
-use crate::body::mesh::JOINTS;
+use crate::body::mesh::{JOINTS, first_turn};
 use crate::npz::Archive;
 use crate::solve::NormalEquations;
 
@@ -109,20 +109,22 @@ impl PosePrior {
     }
 
     /// Adds `weight` times the prior at these rotations, whose steps turn them about their parents' axes, to equations
-    /// whose rows begin with the pelvis' place and the root.
+    /// whose rows are the mesh body's degrees of freedom.
     pub fn add(&self, rotations: &[DQuat; JOINTS], weight: f64, out: &mut NormalEquations) {
         let x = vector(rotations);
         let nearest = &self.components[self.nearest(&x).0];
         let off: [f64; SIZE] = std::array::from_fn(|k| x[k] - nearest.mean[k]);
         let jacobians: [DMat3; JOINTS - 1] =
             std::array::from_fn(|j| inverse_left(DVec3::from_slice(&x[3 * j..])));
+        // The prior's first rotation is that of the joint after the root.
+        let first_row = |k: usize| first_turn(k + 1);
         for (a, ja) in jacobians.iter().enumerate() {
             let rows: [&[f64; SIZE]; 3] = std::array::from_fn(|k| &nearest.precision[3 * a + k]);
             let pull =
                 DVec3::from_array(rows.map(|row| row.iter().zip(&off).map(|(p, d)| p * d).sum()));
             let pull = weight * (ja.transpose() * pull);
             for k in 0..3 {
-                out.pull(6 + 3 * a + k, pull[k]);
+                out.pull(first_row(a) + k, pull[k]);
             }
             for (b, jb) in jacobians[..=a].iter().enumerate() {
                 let column = |k: usize| DVec3::from_array(rows.map(|row| row[3 * b + k]));
@@ -131,7 +133,7 @@ impl PosePrior {
                 for k in 0..3 {
                     let most = if a == b { k } else { 2 };
                     for l in 0..=most {
-                        out.add(6 + 3 * a + k, 6 + 3 * b + l, block.col(l)[k]);
+                        out.add(first_row(a) + k, first_row(b) + l, block.col(l)[k]);
                     }
                 }
             }

@@ -84,7 +84,7 @@ impl Sight {
     }
 
     /// How far away somebody of canonical stature would be whom the view saw so, metres in camera axes; `None` where
-    /// nobody has lifted them, or it cannot be told.
+    /// nobody has lifted them, or it cannot be told: by joints that would be behind the camera neither.
     pub fn depth(&self) -> Option<f64> {
         let lifted = self.lifted?;
         let plane = self.rays.map(|r| r.map_or(DVec2::ZERO, |r| r.plane));
@@ -96,7 +96,8 @@ impl Sight {
             .zip(&lifted)
             .filter(|(ray, _)| ray.is_some());
         let (sum, count) = each.fold((0.0, 0), |(s, n), (_, p)| (s + p.z, n + 1));
-        (count > 0).then(|| pelvis.z + sum / f64::from(count))
+        let depth = (count > 0).then(|| pelvis.z + sum / f64::from(count));
+        depth.filter(|depth| *depth > 0.0)
     }
 
     /// The same with all sides exchanged.
@@ -207,5 +208,26 @@ mod tests {
         let rays = Sight::new(&view, &seen).rays;
         let has_ray: [bool; 4] = std::array::from_fn(|j| rays[j].is_some());
         assert_eq!(has_ray, [true, true, false, false]);
+    }
+
+    #[test]
+    fn joints_that_would_be_behind_the_camera_tell_no_distance() {
+        let view = View::around(0.0);
+        // Somebody 3 m away whose lifted joints are `share` of what they are across, and so far before the pelvis.
+        let depth = |share: f64, ahead: f64| {
+            let mut seen = Observation::default();
+            for j in 0..EVIDENCE_JOINTS {
+                let [x, y] = [0.1 * (j % 3) as f64 - 0.1, 0.1 * j as f64 - 0.7];
+                let pixel = view.project(DVec3::new(x, y, 0.0)).expect("in front");
+                seen.joints2d[j] = [pixel.x as f32, pixel.y as f32, 0.9];
+                let lifted = DVec3::new(share * x, share * y, -ahead);
+                seen.joints3d[j] = lifted.as_vec3().to_array();
+            }
+            Sight::new(&view, &seen).depth()
+        };
+        let usual = depth(1.0, 0.0).expect("before the camera");
+        assert!((usual - 3.0).abs() < 0.01, "{usual}");
+        // Upside down the root is 2 m before the camera, the joints 3 m behind it.
+        assert_eq!(depth(-1.0, 5.0), None);
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::{JOINTS, MeshBody, PARENTS, REPORTED};
+use super::{JOINTS, MeshBody, PARENTS, REPORTED, first_turn};
 use crate::body::model::{BodyModel, Elimination};
 
 /// The joint that carries each of edgecap's joints along: a head top moves with the head, a hand with the wrist's
@@ -86,7 +86,7 @@ pub(super) fn moved_by(joint: usize) -> Vec<usize> {
     above.sort_unstable();
     let turns = above
         .iter()
-        .flat_map(|&a| (0..3).map(move |k| 3 + 3 * a + k));
+        .flat_map(|&a| (0..3).map(move |k| first_turn(a) + k));
     (0..3).chain(turns).collect()
 }
 
@@ -195,7 +195,7 @@ fn derivatives(
         };
         let arm = point - posed.place[a];
         for k in 0..3 {
-            column(3 + 3 * a + k, frame.col(k).cross(arm));
+            column(first_turn(a) + k, frame.col(k).cross(arm));
         }
     }
 }

@@ -23,6 +23,11 @@ use super::model::Elimination;
 pub const JOINTS: usize = 24;
 /// Degrees of freedom of a pose: the pelvis' place and a rotation of every joint.
 pub const FREEDOM: usize = 3 + 3 * JOINTS;
+/// First of the three degrees of freedom that turn a joint of the tree, a number an axis of its parent's, of the
+/// world's for the root.
+pub const fn first_turn(joint: usize) -> usize {
+    3 + 3 * joint
+}
 /// Joints of edgecap's own that a body may know a regressor of.
 pub const REPORTED: usize = crate::joints::BODY_JOINTS;
 /// The joint that every joint hangs on; the root's is itself.

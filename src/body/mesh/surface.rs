@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{FREEDOM, JOINTS, MeshBody, PARENTS, Person, PosedTree};
+use super::{FREEDOM, JOINTS, MeshBody, PARENTS, Person, PosedTree, first_turn};
 
 /// A posed body's surface, vertex by vertex.
 #[derive(Debug)]
@@ -84,7 +84,7 @@ impl<'a> Surface<'a> {
                 } else {
                     self.posed.turn[PARENTS[a]] * axis
                 };
-                column(3 + 3 * a + k, axis.cross(arm));
+                column(first_turn(a) + k, axis.cross(arm));
             }
         }
         for (c, joints) in self.by_shape.iter().enumerate() {

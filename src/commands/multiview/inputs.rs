@@ -5,6 +5,8 @@ use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
+use clap::ValueEnum as _;
+
 use super::{BACKGROUND, MultiviewArgs};
 use crate::commands::views::told;
 
@@ -31,8 +33,12 @@ pub fn inputs(args: &MultiviewArgs) -> String {
     } = args;
     let mut text = program();
     let _ = writeln!(text, "--no-dct {no_dct}");
-    let _ = writeln!(text, "--fps {fps:?}");
-    let _ = writeln!(text, "--sync {sync:?}");
+    if let Some(fps) = fps {
+        let _ = writeln!(text, "--fps {fps}");
+    }
+    if let Some(sync) = sync.to_possible_value() {
+        let _ = writeln!(text, "--sync {}", sync.get_name());
+    }
     for camera in hold_out {
         let _ = writeln!(text, "--hold-out {camera}");
     }
@@ -149,5 +155,23 @@ mod tests {
             "--no-dct true"
         );
         assert_eq!(difference("x\n", "x\n--fps 3\n"), "--fps 3");
+    }
+
+    #[test]
+    fn options_are_written_as_they_are_typed() {
+        #[derive(clap::Parser)]
+        struct Verb {
+            #[command(flatten)]
+            args: MultiviewArgs,
+        }
+        let given = |more: &[&str]| {
+            let all = [&["multiview", "--view", "a.jsonl", "--out", "run"], more].concat();
+            inputs(&<Verb as clap::Parser>::parse_from(all).args)
+        };
+        let plain = given(&[]);
+        for typed in [["--fps", "29.97"], ["--sync", "motion"]] {
+            assert_eq!(difference(&given(&typed), &plain), typed.join(" "));
+        }
+        assert_eq!(difference(&plain, &given(&["--fps", "30"])), "--fps 30");
     }
 }

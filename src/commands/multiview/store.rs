@@ -135,6 +135,10 @@ impl Store {
         let path = self.folder.join(INPUTS);
         let before = bounded::read_text(&path, bounded::SETTINGS).ok();
         let is_same = before.as_ref() == Some(&self.inputs);
+        // A run that ended before its fit has looked at films alone, which stay.
+        let is_begun = [self.folder.join(PARTS), self.all_masks()]
+            .iter()
+            .any(|folder| folder.exists());
         for entry in fs::read_dir(&self.folder)? {
             let entry = entry?;
             let name = entry.file_name();
@@ -150,7 +154,7 @@ impl Store {
         }
         if !is_same {
             // Of a run that was only begun nothing is lost.
-            if let Some(before) = before {
+            if let Some(before) = before.filter(|_| is_begun) {
                 say::err(&format!(
                     "bodies are computed afresh: the run that {} is left of had other inputs ({})",
                     self.folder.display(),

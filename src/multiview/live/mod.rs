@@ -163,6 +163,8 @@ impl LiveFit {
     /// Seconds since the last instant; `None` for a stale one. Starts over where the input did.
     fn step(&mut self, now: u64) -> Option<f64> {
         let Some(Newest { capture_ns, .. }) = self.newest else {
+            // Before the first instant nobody was there to be away.
+            self.slept = 0.0;
             return Some(STEP[0]);
         };
         if now <= capture_ns && capture_ns - now <= RESTART_NS {
