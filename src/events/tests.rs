@@ -252,7 +252,13 @@ fn whoever_is_missed_in_single_frames_enters() {
     assert!(enters(&|k| every_third(k, Some(missed))), "still expected");
     assert!(!enters(&|k| every_third(k, None)), "not even expected");
     // Expected for longer than somebody must be seen, between two looks.
-    let seldom = |k: u32| Some(if k % 10 == 0 { standing() } else { missed });
+    let seldom = |k: u32| {
+        Some(if k.is_multiple_of(10) {
+            standing()
+        } else {
+            missed
+        })
+    };
     assert!(!enters(&seldom), "two looks far apart");
 }
 
