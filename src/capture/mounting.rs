@@ -107,7 +107,8 @@ impl Mounting {
         }
     }
 
-    /// Where a point of a picture of this size (pixels across and down) goes, in pixels whose centres are whole numbers.
+    /// Where a point of a picture of this size (pixels across and down) goes, in pixels whose centres are whole
+    /// numbers.
     pub fn point(self, [x, y]: [f32; 2], (width, height): (u32, u32)) -> [f32; 2] {
         self.turned([x, y], [width as f32 - 1.0, height as f32 - 1.0])
     }

@@ -37,8 +37,8 @@ impl Sides {
         })
     }
 
-    /// The `wanted` sides of the picture of `now` were looked at, and so they `brought` people whom the upright look has
-    /// not, or not as well.
+    /// The `wanted` sides of the picture of `now` were looked at, and so they `brought` people whom the upright look
+    /// has not, or not as well.
     pub fn looked(&mut self, now: u64, wanted: [bool; 2], brought: [bool; 2]) {
         for side in (0..2).filter(|side| wanted[*side]) {
             self.tried[side] = Some(now);

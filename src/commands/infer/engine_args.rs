@@ -28,8 +28,8 @@ pub struct EngineArgs {
     pub size: Option<InputSize>,
     /// How much time a picture may take. 'fast' looks once, at 384x240, of films and cameras 15 times a second;
     /// 'balanced' once, at 512x320; 'best' twice, at 384x240 and 768x480, and takes everybody from the look that has
-    /// them better. For who lies, films and cameras are also looked at on their side, photos with 'best' alone [default:
-    /// balanced for films and cameras, best for photos]
+    /// them better. For who lies, films and cameras are also looked at on their side, photos with 'best' alone
+    /// [default: balanced for films and cameras, best for photos]
     #[arg(long, value_name = "fast|balanced|best", hide_possible_values = true)]
     pub quality: Option<Quality>,
     /// Look at so many pictures per second, at more where somebody is lost, and at fewer of a camera where as many

@@ -37,10 +37,10 @@ impl Turned {
         }
     }
 
-    /// Adds to the `people` of the frame whom looks at it on its [`SIDES`] show. A photo is looked at on those that suit
-    /// who leans in it, on both if nobody was found; the picture of a film on those that are worth it ([`Sides`]), and
-    /// of whom only they show it counts who is where people were lately. Says whether that brought anybody whom the
-    /// upright look has not, or not as well, and how long it took.
+    /// Adds to the `people` of the frame whom looks at it on its [`SIDES`] show. A photo is looked at on those that
+    /// suit who leans in it, on both if nobody was found; the picture of a film on those that are worth it
+    /// ([`Sides`]), and of whom only they show it counts who is where people were lately. Says whether that brought
+    /// anybody whom the upright look has not, or not as well, and how long it took.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -151,6 +151,26 @@ mod tests {
             let back = moved(&there, turn.undoing(), turn.size(size.0, size.1));
             assert_eq!(there.joints2d[0], [0.0; 3], "no place stays none");
             assert_eq!(back, person, "{quarter_turns}");
+        }
+    }
+
+    #[test]
+    fn who_leans_stands_upright_on_the_side_that_is_asked_for() {
+        for degrees in [65.0f32, 90.0, -65.0, -90.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let mut person = Observation::default();
+            for (j, joint) in person.joints2d.iter_mut().enumerate() {
+                let down = 20.0 * j as f32;
+                *joint = [300.0 - down * sin, 200.0 + down * cos, 0.9];
+            }
+            let [right, left] = leaning(&[person]);
+            assert_ne!(right, left, "{degrees}");
+            let turn = Mounting {
+                quarter_turns: SIDES[usize::from(left)],
+                mirrored: false,
+            };
+            let turned = moved(&person, turn, (640, 480));
+            assert_eq!(leaning(&[turned]), [false; 2], "{degrees}");
         }
     }
 

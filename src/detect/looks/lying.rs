@@ -156,25 +156,6 @@ mod tests {
         assert_eq!(leaning(&[unknown]), [false; 2]);
     }
 
-    #[test]
-    fn a_side_puts_upright_whom_it_is_for() {
-        use crate::capture::Mounting;
-        for angle in [60.0, -60.0, 90.0, -90.0] {
-            let mut p = person(angle, [300.0, 300.0], 0.5, 0.9);
-            let [right, left] = leaning(&[p]);
-            assert_ne!(right, left);
-            let turn = Mounting {
-                quarter_turns: SIDES[usize::from(left)],
-                mirrored: false,
-            };
-            for joint in &mut p.joints2d {
-                let [u, v] = turn.point([joint[0], joint[1]], (600, 600));
-                (joint[0], joint[1]) = (u, v);
-            }
-            assert!(lean(&p).is_some_and(|angle| angle.abs() <= 30.1), "{angle}");
-        }
-    }
-
     /// Who is then known, and whether the turned look is why.
     fn join(people: &[Observation], turned: &[Observation]) -> (Vec<Observation>, bool) {
         let mut people = people.to_vec();
