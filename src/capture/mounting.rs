@@ -1,5 +1,7 @@
 //! How a camera is mounted: its picture goes in, an upright one comes out, with the lens that belongs to it.
 
+use std::ops::Sub;
+
 use edgecap_client::message::Intrinsics;
 use glam::DVec2;
 
@@ -97,14 +99,8 @@ impl Mounting {
     }
 
     /// Where a pixel of a `w` × `h` picture goes.
-    fn place(self, [x, y]: [usize; 2], [w, h]: [usize; 2]) -> [usize; 2] {
-        let x = if self.mirrored { w - 1 - x } else { x };
-        match self.quarter_turns % 4 {
-            0 => [x, y],
-            1 => [h - 1 - y, x],
-            2 => [w - 1 - x, h - 1 - y],
-            _ => [y, w - 1 - x],
-        }
+    fn place(self, at: [usize; 2], [w, h]: [usize; 2]) -> [usize; 2] {
+        self.turned(at, [w - 1, h - 1])
     }
 
     /// Where a point of a picture of this size (pixels across and down) goes, in pixels whose centres are whole
@@ -119,7 +115,10 @@ impl Mounting {
     }
 
     /// A point of a picture whose last pixel is `right`, `bottom`.
-    fn turned(self, [x, y]: [f32; 2], [right, bottom]: [f32; 2]) -> [f32; 2] {
+    fn turned<T>(self, [x, y]: [T; 2], [right, bottom]: [T; 2]) -> [T; 2]
+    where
+        T: Copy + Sub<Output = T>,
+    {
         let x = if self.mirrored { right - x } else { x };
         match self.quarter_turns % 4 {
             0 => [x, y],

@@ -19,8 +19,8 @@ pub struct Sides {
 }
 
 impl Sides {
-    /// Which sides the picture of `now` is to be looked at on, whose upright look shows somebody or nobody and for whom
-    /// sides are worth trying, as some lean.
+    /// Which sides the picture of `now` is to be looked at on. What a look at it as it is shows: whether anybody is
+    /// there, and which sides suit those who lean.
     pub fn wanted(&mut self, now: u64, is_anybody: bool, leaning: [bool; 2]) -> [bool; 2] {
         let within = |since: Option<u64>, span: u64| {
             // A clock that went backwards begins anew.

@@ -99,7 +99,8 @@ impl Turned {
             quarter_turns,
             mirrored: false,
         };
-        self.picture.clone_from(frame);
+        (self.picture.width, self.picture.height) = (frame.width, frame.height);
+        self.picture.rgb.clone_from(&frame.rgb);
         turn.apply(&mut self.picture, &mut self.spare);
         let lens = turn.intrinsics(*intrinsics, frame.width, frame.height);
         let seen = stages.process(&self.picture, &lens)?;

@@ -22,7 +22,7 @@ const ODDS: f32 = 2.0;
 /// The two ways of laying a picture on its side, quarter turns clockwise.
 pub const SIDES: [u8; 2] = [1, 3];
 
-/// Which of [`SIDES`] put upright who leans in the picture, or lay down who hangs.
+/// Which of [`SIDES`] suit those who lean in the picture: they put upright who lies, and lay down who hangs.
 pub fn leaning(people: &[Observation]) -> [bool; 2] {
     let mut sides = [false; 2];
     for angle in people.iter().filter_map(lean) {
@@ -41,7 +41,7 @@ pub fn lone_lying_score(lone_score: f32) -> f32 {
 }
 
 /// Adds what a turned picture shows, in pixels and axes of the upright one, to the `people` who are known, of whom
-/// `most` stay by falling score. Whether that added or exchanged anybody.
+/// `most` stay by falling score. Says whether that added or exchanged anybody.
 ///
 /// Only who leans counts. Who is known like that already is taken as [`joined`](super::joined) does. Where somebody is
 /// known in another pose the surer look is right. Where nobody is, the probability must be the `least` for that person.
