@@ -14,7 +14,12 @@ use crate::lift::FrameObservations;
 pub struct Looks {
     shapes: Shapes,
     turned: Turned,
+    /// What the last picture showed and took: [`FrameObservations`].
     people: Vec<Observation>,
+    without_neck: u32,
+    times: StageTimes,
+    /// Whether the last picture was looked at on its side, too.
+    has_turned: bool,
     /// The larger input of the last looks, pixels across and down; zeros before the first.
     input: (usize, usize),
 }
@@ -29,6 +34,9 @@ impl Looks {
             shapes: Shapes::new(engine)?,
             turned: Turned::new(film),
             people: Vec::new(),
+            without_neck: 0,
+            times: StageTimes::default(),
+            has_turned: false,
             input: (0, 0),
         })
     }
@@ -43,9 +51,14 @@ impl Looks {
         self.input
     }
 
-    /// Everyone in the frame, by `count` looks, one or two, with the first of inputs of these `sizes` (pixels across
-    /// and down): the others stay ready for the next frames. After two looks the picture is turned for those who lie in
-    /// it, and where nobody was found; that of a film when that is worth it.
+    /// Whether the last picture was looked at on its side, too, which takes longer than others.
+    pub fn has_turned(&self) -> bool {
+        self.has_turned
+    }
+
+    /// Looks for everyone in the frame, by `count` looks, one or two, with the first of inputs of these `sizes`
+    /// (pixels across and down): the others stay ready for the next frames. After two looks the picture is turned for
+    /// those who lie in it, and where nobody was found; that of a film when that is worth it.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -55,13 +68,14 @@ impl Looks {
         intrinsics: &Intrinsics,
         sizes: Vec<(usize, usize)>,
         count: usize,
-    ) -> anyhow::Result<FrameObservations<'_>> {
+    ) -> anyhow::Result<()> {
         let any = self.shapes.any();
         let (lone_score, max_people) = (any.lone_score(), any.max_people());
         let stages = self.shapes.of(sizes)?;
         let count = count.min(stages.len());
         let stages = &mut stages[..count];
         self.input = stages.iter().map(Pipeline::size).max().unwrap_or_default();
+        self.has_turned = false;
         let mut times = StageTimes::default();
         let mut without_neck = 0;
         for look in stages.iter_mut() {
@@ -78,16 +92,23 @@ impl Looks {
                 let looks = [small.seen().people, large.seen().people];
                 joined(looks, lone_score, max_people, &mut self.people);
                 let (people, shapes) = (&mut self.people, &mut self.shapes);
-                let (_, took) = self.turned.join(frame, intrinsics, shapes, people)?;
-                times = sum(times, took);
+                let turned = self.turned.join(frame, intrinsics, shapes, people)?;
+                self.has_turned = turned.has_looked;
+                times = sum(times, turned.times);
             }
             [] => self.people.clear(),
         }
-        Ok(FrameObservations {
+        (self.without_neck, self.times) = (without_neck, times);
+        Ok(())
+    }
+
+    /// Whom the last looks showed, and what all of them took.
+    pub fn seen(&self) -> FrameObservations<'_> {
+        FrameObservations {
             people: &self.people,
-            without_neck,
-            times,
-        })
+            without_neck: self.without_neck,
+            times: self.times,
+        }
     }
 
     /// For how many shapes there are stages.

@@ -233,13 +233,16 @@ impl Pipelines {
                 looks.use_threads(crew.threads(0));
                 let sizes = inputs_of(size_of(frame), *shares);
                 let (start, all) = (clock(), sizes.len());
-                let seen = looks.process(frame, intrinsics, sizes, all)?;
+                looks.process(frame, intrinsics, sizes, all)?;
                 let now = clock();
-                if !crew.is_trying(0) {
-                    warn(speed.took(now, 0, seconds_from(start, now), true));
+                // More looks say nothing of the machine.
+                if !looks.has_turned() {
+                    if !crew.is_trying(0) {
+                        warn(speed.took(now, 0, seconds_from(start, now), true));
+                    }
+                    log(crew.took(now, 0, network_seconds(&looks.seen())), None);
                 }
-                log(crew.took(now, 0, network_seconds(&seen)), None);
-                return Ok(seen);
+                return Ok(looks.seen());
             }
             Stages::Following(following) => following,
         };
@@ -304,7 +307,7 @@ impl Pipelines {
         let (without_neck, times) = (seen.without_neck, sum(beside, seen.times));
         people.clear();
         people.extend_from_slice(seen.people);
-        let (is_turned, took) = turned.join(frame, intrinsics, shapes, people)?;
+        let turned = turned.join(frame, intrinsics, shapes, people)?;
         region.seen(frame, people, crop.is_none());
         heights(people, here);
         let is_more = other.is_some() && elsewhere.len() > here.len();
@@ -314,7 +317,7 @@ impl Pipelines {
         zoom.seen(frame.time_ns, here, other.map(|_| &elsewhere[..]));
         // The optical flow goes on from upright looks alone.
         if let Some(between) = between
-            && (is_turned || is_more || zoom.level() != level)
+            && (turned.has_brought || is_more || zoom.level() != level)
         {
             between.forget();
         }
@@ -324,7 +327,7 @@ impl Pipelines {
         Ok(FrameObservations {
             people,
             without_neck,
-            times: sum(times, took),
+            times: sum(times, turned.times),
         })
     }
 
@@ -359,7 +362,8 @@ impl Pipelines {
                 looks.use_threads(crew.usual(0));
                 let sizes = inputs_of(size_of(frame), *shares);
                 let count = if large { sizes.len() } else { 1 };
-                return looks.process(frame, intrinsics, sizes, count);
+                looks.process(frame, intrinsics, sizes, count)?;
+                return Ok(looks.seen());
             }
             Stages::Following(following) => following,
         };

@@ -19,6 +19,16 @@ pub struct Turned {
     people: Vec<Observation>,
 }
 
+/// What looks at a turned picture came to.
+pub struct Joined {
+    /// Whether there were any.
+    pub has_looked: bool,
+    /// Whether they brought anybody whom the upright look has not, or not as well.
+    pub has_brought: bool,
+    /// How long they took.
+    pub times: StageTimes,
+}
+
 /// When pictures of a film are turned, and where people were in the last ones.
 #[derive(Default)]
 struct Film {
@@ -39,8 +49,7 @@ impl Turned {
 
     /// Adds to the `people` of the frame whom looks at it on its [`SIDES`] show. A photo is looked at on those that
     /// suit who leans in it, on both if nobody was found; the picture of a film on those that are worth it
-    /// ([`Sides`]), and of whom only they show it counts who is where people were lately. Says whether that brought
-    /// anybody whom the upright look has not, or not as well, and how long it took.
+    /// ([`Sides`]), and of whom only they show it counts who is where people were lately.
     ///
     /// # Errors
     /// As [`Pipeline::process`].
@@ -50,7 +59,7 @@ impl Turned {
         intrinsics: &Intrinsics,
         shapes: &mut Shapes,
         people: &mut Vec<Observation>,
-    ) -> anyhow::Result<(bool, StageTimes)> {
+    ) -> anyhow::Result<Joined> {
         let (now, leaning) = (frame.time_ns, leaning(people));
         let mut film = self.film.take();
         let wanted = match &mut film {
@@ -80,7 +89,11 @@ impl Turned {
             film.lately.seen(now, people);
         }
         self.film = film;
-        Ok((brought.contains(&true), times))
+        Ok(Joined {
+            has_looked: wanted.contains(&true),
+            has_brought: brought.contains(&true),
+            times,
+        })
     }
 
     /// Everyone whom the `stages` see in the frame, turned clockwise by so many quarters, in pixels and camera axes of

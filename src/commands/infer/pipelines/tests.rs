@@ -167,6 +167,32 @@ fn a_machine_that_becomes_slower_is_told_of_with_inputs_of_any_kind() {
 }
 
 #[test]
+fn looks_on_the_side_say_nothing_of_the_machine() {
+    let best = EngineArgs {
+        threads: Some(1),
+        quality: Some(Quality::Best),
+        ..EngineArgs::default()
+    };
+    let mut pipelines = Pipelines::new(&best, true, Some(0)).unwrap();
+    let lens = Intrinsics::from_horizontal_fov(512, 512, 60.0);
+    let mut what_is_known = |picture: &Frame, has_turned: bool| {
+        pipelines.process(picture, &lens).unwrap();
+        let Stages::Looks(looks, _) = &pipelines.stages else {
+            panic!("expected several looks");
+        };
+        assert_eq!(looks.has_turned(), has_turned);
+        format!("{:?} {:?}", pipelines.speed, pipelines.crew)
+    };
+    let (people, mut nobody) = (square(), grey((512, 512)));
+    let before = what_is_known(&people, false);
+    // They are gone, and looked for on both sides.
+    nobody.time_ns = people.time_ns + SECOND / 30;
+    assert_eq!(what_is_known(&nobody, true), before);
+    nobody.time_ns += SECOND / 30;
+    assert_ne!(what_is_known(&nobody, false), before);
+}
+
+#[test]
 fn a_glance_into_an_empty_room_needs_no_stages_of_its_own() {
     let engine = EngineArgs {
         threads: Some(1),
