@@ -11,7 +11,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 use crate::arch::prefetch;
-use crate::packed::{Blocking, MAX_TAPS, Packed, Panels};
+use crate::packed::{Blocking, MAX_TAPS, Packed, Panels, Segments};
 use crate::phase::Phase;
 #[cfg(target_arch = "x86_64")]
 use crate::segments::SegmentedPacked;
@@ -173,7 +173,7 @@ pub(crate) struct Tile<'a> {
     pub weights: *const u8,
     /// i16 segments of the panel; empty for [`Plain`].
     #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
-    pub segments: &'a [u8],
+    pub segments: Segments<'a>,
 }
 
 type Acc<C> = <<C as Chain>::D as Dot>::Acc;
@@ -253,7 +253,7 @@ impl<D: Dot> Plain<D> {
 pub(crate) struct Segmented<D>(PhantomData<D>);
 
 #[cfg(target_arch = "x86_64")]
-// SAFETY: as for Plain; a tap's segment lengths add up to the depth (`SegmentedPacked`).
+// SAFETY: as for Plain; a tap's segment lengths add up to the depth, and each has its offsets (`Panels`).
 unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
     type D = D;
     type Panels = SegmentedPacked;
@@ -267,10 +267,12 @@ unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
     ) -> [[D::Acc; NV]; MR] {
         let vector = 4 * D::S::LANES;
         let mut w = tile.weights;
-        let mut lengths = tile.segments.iter();
+        let mut lengths = tile.segments.lengths.iter();
+        let mut offsets: *const u8 = tile.segments.offsets.as_ptr().cast();
         for &tap in tile.taps {
             // SAFETY: the tile's pixels at this tap have 4 · depth readable bytes each (caller); the panel holds
-            // taps · depth · NV vectors (`Packed`), of which every step reads the next NV.
+            // taps · depth · NV vectors (`Packed`), of which every step reads the next NV. With each length of the
+            // panel come offsets of 2 · LANES · NV numbers of 2 bytes, which are NV vectors (`Panels`).
             unsafe {
                 let mut x = tile.x.offset(tap);
                 let end = x.add(tile.depth * 4);
@@ -305,11 +307,13 @@ unsafe impl<D: SegmentedDot> Chain for Segmented<D> {
                         x = x.add(4);
                         w = w.add(NV * vector);
                     }
-                    for m in 0..MR {
-                        for n in 0..NV {
-                            acc[m][n] = D::spill(acc[m][n], sum[m][n]);
+                    for n in 0..NV {
+                        let offset = D::weights(offsets.add(n * vector));
+                        for m in 0..MR {
+                            acc[m][n] = D::spill(acc[m][n], sum[m][n], offset);
                         }
                     }
+                    offsets = offsets.add(NV * vector);
                 }
             }
         }

@@ -161,11 +161,7 @@ pub(crate) enum DotProduct {
     },
     /// For weights that can be cut into i16 segments.
     #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
-    Segmented {
-        kernel: &'static Direct<SegmentedPacked>,
-        /// For the same weights, packed in the same way, where their segments are short: widens every group.
-        short: Option<&'static Direct<Packed>>,
-    },
+    Segmented(&'static Direct<SegmentedPacked>),
 }
 
 /// The kernels of one tier.
@@ -194,7 +190,7 @@ impl Tier {
     pub fn is_available(&self) -> bool {
         let dot: &dyn Kernel = match &self.dot {
             DotProduct::Plain { kernel, .. } | DotProduct::Choice { kernel, .. } => *kernel,
-            DotProduct::Segmented { kernel, .. } => *kernel,
+            DotProduct::Segmented(kernel) => *kernel,
         };
         let others: [&dyn Kernel; 7] = [
             self.widening,

@@ -35,15 +35,25 @@ pub(crate) struct Packed {
 ///
 /// # Safety
 /// Kernels rely on it: `packed` gives the same weights always, and `segments` of a panel begin with each of its taps'
-/// lengths in turn, all at least 1, those of a tap adding up to the depth; or there are none, and no kernel that sums
-/// in segments takes the type.
+/// in turn, their lengths at least 1, those of a tap adding up to the depth, with as many offsets as they must have; or
+/// there are none, and no kernel that sums in segments takes the type.
 pub(crate) unsafe trait Panels {
     /// The weights.
     fn packed(&self) -> &Packed;
 
-    /// Lengths of the i16 segments of a panel, tap after tap; each tap's add up to the depth. Empty where there are
-    /// none.
-    fn segments(&self, panel: usize) -> &[u8];
+    /// The i16 segments of a panel, tap after tap. What lies behind them is other panels'.
+    fn segments(&self, panel: usize) -> Segments<'_>;
+}
+
+/// How a panel's products are summed in i16; empty where they are not.
+#[derive(Clone, Copy, Default)]
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+pub(crate) struct Segments<'a> {
+    /// 32-bit groups of every segment; those of a tap add up to the depth.
+    pub lengths: &'a [u8],
+    /// What is added to a segment's sums before they are read as signed numbers: for every segment 2 · LANES numbers of
+    /// each of the panel's vectors.
+    pub offsets: &'a [i16],
 }
 
 // SAFETY: no segments; `Segmented` takes `SegmentedPacked` only.
@@ -52,8 +62,8 @@ unsafe impl Panels for Packed {
         self
     }
 
-    fn segments(&self, _panel: usize) -> &[u8] {
-        &[]
+    fn segments(&self, _panel: usize) -> Segments<'_> {
+        Segments::default()
     }
 }
 

@@ -121,8 +121,9 @@ pub(crate) unsafe trait Dot: Copy + 'static {
     unsafe fn dot(acc: Self::Acc, x: Self::V, w: Self::V) -> Self::Acc;
 }
 
-/// A dot product in two steps, for CPUs without an instruction for it: products are summed in i16 over a segment of
-/// groups, proved at pack time not to leave i16, and then added to the i32 accumulators.
+/// A dot product in two steps, for CPUs without an instruction for it: products are summed in i16, modulo 2¹⁶, over a
+/// segment of groups; what has to be added for the true sum to be a signed number of 16 bits is proved at pack time
+/// (`SegmentedPacked`). Then they are added to the i32 accumulators.
 ///
 /// # Safety
 /// As for [`Dot`]: none of these methods touches memory.
@@ -132,8 +133,8 @@ pub(crate) unsafe trait SegmentedDot: Dot {
     unsafe fn first(x: Self::V, w: Self::V) -> Self::V;
     /// A further group.
     unsafe fn more(sum: Self::V, x: Self::V, w: Self::V) -> Self::V;
-    /// Adds a segment's sum to the accumulator.
-    unsafe fn spill(acc: Self::Acc, sum: Self::V) -> Self::Acc;
+    /// Adds a segment's sum, and what its offset adds to it, to the accumulator.
+    unsafe fn spill(acc: Self::Acc, sum: Self::V, offset: Self::V) -> Self::Acc;
 }
 
 /// Writes trait methods that are one expression of intrinsics.

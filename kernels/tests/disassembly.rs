@@ -145,7 +145,6 @@ const KERNELS: &[&str] = &[
     "F32_SSE41",
     "WINOGRAD_F32_SSE41",
     "DIRECT_AVX2",
-    "PAIRS_AVX2",
     "WIDE_AVX2",
     "WINOGRAD_AVX2",
     "F32_AVX2",

@@ -21,10 +21,7 @@ use std::arch::is_x86_feature_detected as has;
 pub(crate) static TIERS: [Tier; 6] = [
     Tier {
         isa: Isa::Sse41,
-        dot: DotProduct::Segmented {
-            kernel: &DIRECT_SSE41,
-            short: None,
-        },
+        dot: DotProduct::Segmented(&DIRECT_SSE41),
         widening: &WIDE_SSE41,
         winograd: &WINOGRAD_SSE41,
         float: &F32_SSE41,
@@ -35,10 +32,7 @@ pub(crate) static TIERS: [Tier; 6] = [
     },
     Tier {
         isa: Isa::Avx2,
-        dot: DotProduct::Segmented {
-            kernel: &DIRECT_AVX2,
-            short: Some(&PAIRS_AVX2),
-        },
+        dot: DotProduct::Segmented(&DIRECT_AVX2),
         widening: &WIDE_AVX2,
         winograd: &WINOGRAD_AVX2,
         float: &F32_AVX2,
@@ -63,10 +57,7 @@ pub(crate) static TIERS: [Tier; 6] = [
     },
     Tier {
         isa: Isa::Avx512,
-        dot: DotProduct::Segmented {
-            kernel: &DIRECT_AVX512,
-            short: None,
-        },
+        dot: DotProduct::Segmented(&DIRECT_AVX512),
         widening: &WIDE_AVX512,
         winograd: &WINOGRAD_AVX512,
         float: &F32_AVX512,
@@ -138,7 +129,6 @@ chain!(
 
 // AVX2 and FMA.
 direct_int8!(DIRECT_AVX2: SegmentedPacked = "qs8_direct_4x16c4__avx2", ["avx2", "fma"], Segmented<avx2::U8Segmented>);
-direct_int8!(PAIRS_AVX2: Packed = "qs8_pairs_4x16c4__avx2", ["avx2", "fma"], Plain<avx2::U8Segmented>);
 direct_int8!(WIDE_AVX2: Packed = "qs8_wide_4x8c4__avx2", ["avx2", "fma"], Plain<avx2::U8Wide>);
 winograd_int8!(
     WINOGRAD_AVX2 = "qs8_winograd4_4x16c2__avx2",

@@ -43,10 +43,6 @@ impl Method {
     }
 }
 
-/// Mean length from which i16 segments are faster than widening every group: with `avx2` on Zen 3 1×1 layers of
-/// segments of 1.3 to 1.9 groups take 0 to 19 % less time widened, of 2.0 to 2.4 groups 6 to 13 % more.
-const LEAST_SEGMENT: f64 = 2.0;
-
 impl Vector {
     /// Packs a direct convolution for `isa`, or `None` where only the reference can run the shape.
     pub fn direct(isa: Isa, params: &QConvParams) -> Option<Self> {
@@ -77,17 +73,10 @@ impl Vector {
                 })?;
                 Some(Method::Plain(kernel, pack(kernel.blocking)?))
             }
-            DotProduct::Segmented { kernel, short } => {
+            DotProduct::Segmented(kernel) => {
                 let kernel = Ready::new(kernel)?;
-                match SegmentedPacked::new(pack(kernel.blocking)?, params.input_max) {
-                    Some(segmented) => match short.and_then(Ready::new) {
-                        Some(kernel) if segmented.mean_length() < LEAST_SEGMENT => {
-                            Some(Method::Plain(kernel, segmented.into_packed()))
-                        }
-                        _ => Some(Method::Segmented(kernel, segmented)),
-                    },
-                    None => None,
-                }
+                SegmentedPacked::new(pack(kernel.blocking)?, params.input_max)
+                    .map(|segmented| Method::Segmented(kernel, segmented))
             }
         };
         let method = match fast {
@@ -116,8 +105,12 @@ impl Vector {
     }
 
     fn new(method: Method, bias: &[i32], epilogue: &Epilogue) -> Self {
+        let mut bias = method.packed().per_channel(bias);
+        if let Method::Segmented(_, segmented) = &method {
+            segmented.take_off_offsets(&mut bias);
+        }
         Self {
-            bias: method.packed().per_channel(bias),
+            bias,
             scale: method.packed().per_channel(epilogue.scale()),
             narrow: epilogue.is_narrow(),
             method,

@@ -21,7 +21,7 @@ pub(crate) use prepared::Prepared;
 use super::int8::BIAS_POINT;
 use super::{OUT, POINTS};
 use crate::direct::{ALL, LINE, Plain, Tile, Write};
-use crate::packed::{Blocking, Packed};
+use crate::packed::{Blocking, Packed, Segments};
 use crate::simd::{Dot, Simd};
 use crate::{Layout, Part};
 use plan::products_point;
@@ -260,7 +260,7 @@ impl<K: Kind, W> Chunk<'_, '_, K, W> {
                 taps: &[0],
                 depth: job.packed.depth(),
                 weights: weights.as_ptr(),
-                segments: &[],
+                segments: Segments::default(),
             };
             let called = first / D::MAX_MR * job.packed.depth() * LINE;
             let ahead = weights.len() + called;

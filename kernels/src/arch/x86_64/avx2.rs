@@ -272,7 +272,7 @@ unsafe impl Dot for U8Segmented {
         fn weights(at: *const u8) -> __m256i = _mm256_loadu_si256(at.cast());
         fn splat(at: *const u8) -> __m256i = _mm256_set1_epi32(at.cast::<i32>().read_unaligned());
         fn dot(acc: __m256i, x: __m256i, w: __m256i) -> __m256i =
-            Self::spill(acc, _mm256_maddubs_epi16(x, w));
+            Self::spill(acc, _mm256_maddubs_epi16(x, w), Avx2::zero_h());
     }
 }
 
@@ -282,8 +282,10 @@ unsafe impl SegmentedDot for U8Segmented {
         fn first(x: __m256i, w: __m256i) -> __m256i = _mm256_maddubs_epi16(x, w);
         fn more(sum: __m256i, x: __m256i, w: __m256i) -> __m256i =
             _mm256_add_epi16(sum, _mm256_maddubs_epi16(x, w));
-        fn spill(acc: __m256i, sum: __m256i) -> __m256i =
-            _mm256_add_epi32(acc, _mm256_madd_epi16(sum, _mm256_set1_epi16(1)));
+        fn spill(acc: __m256i, sum: __m256i, offset: __m256i) -> __m256i = {
+            let sum = _mm256_add_epi16(sum, offset);
+            _mm256_add_epi32(acc, _mm256_madd_epi16(sum, _mm256_set1_epi16(1)))
+        };
     }
 }
 

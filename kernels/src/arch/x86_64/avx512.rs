@@ -234,7 +234,7 @@ unsafe impl Dot for U8Segmented {
         fn weights(at: *const u8) -> __m512i = _mm512_loadu_si512(at.cast());
         fn splat(at: *const u8) -> __m512i = _mm512_set1_epi32(at.cast::<i32>().read_unaligned());
         fn dot(acc: __m512i, x: __m512i, w: __m512i) -> __m512i =
-            Self::spill(acc, _mm512_maddubs_epi16(x, w));
+            Self::spill(acc, _mm512_maddubs_epi16(x, w), Avx512::zero_h());
     }
 }
 
@@ -244,8 +244,10 @@ unsafe impl SegmentedDot for U8Segmented {
         fn first(x: __m512i, w: __m512i) -> __m512i = _mm512_maddubs_epi16(x, w);
         fn more(sum: __m512i, x: __m512i, w: __m512i) -> __m512i =
             _mm512_add_epi16(sum, _mm512_maddubs_epi16(x, w));
-        fn spill(acc: __m512i, sum: __m512i) -> __m512i =
-            _mm512_add_epi32(acc, _mm512_madd_epi16(sum, _mm512_set1_epi16(1)));
+        fn spill(acc: __m512i, sum: __m512i, offset: __m512i) -> __m512i = {
+            let sum = _mm512_add_epi16(sum, offset);
+            _mm512_add_epi32(acc, _mm512_madd_epi16(sum, _mm512_set1_epi16(1)))
+        };
     }
 }
 

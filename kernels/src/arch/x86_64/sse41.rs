@@ -175,7 +175,7 @@ unsafe impl Dot for U8Segmented {
         fn load_acc(at: *const u8) -> __m128i = _mm_loadu_si128(at.cast());
         fn weights(at: *const u8) -> __m128i = _mm_loadu_si128(at.cast());
         fn splat(at: *const u8) -> __m128i = _mm_set1_epi32(at.cast::<i32>().read_unaligned());
-        fn dot(acc: __m128i, x: __m128i, w: __m128i) -> __m128i = Self::spill(acc, _mm_maddubs_epi16(x, w));
+        fn dot(acc: __m128i, x: __m128i, w: __m128i) -> __m128i = Self::spill(acc, _mm_maddubs_epi16(x, w), Sse41::zero_h());
     }
 }
 
@@ -184,8 +184,10 @@ unsafe impl SegmentedDot for U8Segmented {
     ops! {
         fn first(x: __m128i, w: __m128i) -> __m128i = _mm_maddubs_epi16(x, w);
         fn more(sum: __m128i, x: __m128i, w: __m128i) -> __m128i = _mm_add_epi16(sum, _mm_maddubs_epi16(x, w));
-        fn spill(acc: __m128i, sum: __m128i) -> __m128i =
-            _mm_add_epi32(acc, _mm_madd_epi16(sum, _mm_set1_epi16(1)));
+        fn spill(acc: __m128i, sum: __m128i, offset: __m128i) -> __m128i = {
+            let sum = _mm_add_epi16(sum, offset);
+            _mm_add_epi32(acc, _mm_madd_epi16(sum, _mm_set1_epi16(1)))
+        };
     }
 }
 
