@@ -35,8 +35,8 @@ pub(crate) struct Packed {
 ///
 /// # Safety
 /// Kernels rely on it: `packed` gives the same weights always, and `segments` of a panel begin with each of its taps'
-/// in turn, their lengths at least 1, those of a tap adding up to the depth, with as many offsets as they must have; or
-/// there are none, and no kernel that sums in segments takes the type.
+/// in turn, their lengths at least 1, those of a tap adding up to the depth, each with 2 · LANES offsets for every
+/// vector of the panel; or there are none, and no kernel that sums in segments takes the type.
 pub(crate) unsafe trait Panels {
     /// The weights.
     fn packed(&self) -> &Packed;

@@ -175,7 +175,8 @@ unsafe impl Dot for U8Segmented {
         fn load_acc(at: *const u8) -> __m128i = _mm_loadu_si128(at.cast());
         fn weights(at: *const u8) -> __m128i = _mm_loadu_si128(at.cast());
         fn splat(at: *const u8) -> __m128i = _mm_set1_epi32(at.cast::<i32>().read_unaligned());
-        fn dot(acc: __m128i, x: __m128i, w: __m128i) -> __m128i = Self::spill(acc, _mm_maddubs_epi16(x, w), Sse41::zero_h());
+        fn dot(acc: __m128i, x: __m128i, w: __m128i) -> __m128i =
+            Self::spill(acc, _mm_maddubs_epi16(x, w), Sse41::zero_h());
     }
 }
 
